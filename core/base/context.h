@@ -1,0 +1,74 @@
+/* What a job carries through every stage: its byte budget, its first error, cancellation, progress and log.
+ *
+ * Invariants
+ *  1. The first error wins: a later bw_fail() leaves message and elements as they are and returns the first status.
+ *  2. Every heap block of a job is taken with bw_alloc/bw_grow and given back with bw_free, so bytes in use, the
+ *     peak and the limit are known exactly; a refused block is BW_E_MEMORY, never a crash.
+ *  3. Nothing here is shared between threads except `cancel`, which a signal handler may set.
+ */
+#ifndef BW_BASE_CONTEXT_H
+#define BW_BASE_CONTEXT_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/status.h"
+
+enum { BW_ELEMENTS_KEPT = 32 }; /* offending elements listed by an error; the rest is only counted */
+
+/* An element at fault: kind is "vertex", "edge", "facet", "tet", "line", ...; id counts from 0 as in the input file. */
+typedef struct {
+    char kind[12];
+    int64_t id;
+    bool has_position;
+    double position[3]; /* in the input's coordinates */
+} bw_element;
+
+typedef struct {
+    bw_status status;
+    char message[480];
+    size_t element_count; /* how many elements are at fault; the first BW_ELEMENTS_KEPT of them are listed */
+    bw_element elements[BW_ELEMENTS_KEPT];
+} bw_error;
+
+typedef struct {
+    size_t used, peak, limit; /* bytes; limit 0 means none */
+    uint64_t calls, fail_at;  /* tests: the fail_at-th allocation fails (0: never) */
+} bw_memory;
+
+typedef struct bw_context {
+    bw_memory memory;
+    bw_error error;
+    int threads;                        /* at least 1 */
+    const volatile sig_atomic_t *cancel; /* may be NULL; non-zero asks the job to stop */
+    void (*progress)(void *user, const char *stage, double fraction); /* may be NULL; fraction in 0..1 of the stage */
+    void (*log)(void *user, const char *line);                        /* may be NULL; one line without its newline */
+    void *user;
+    const char *stage; /* name of the running stage */
+} bw_context;
+
+void bw_context_init(bw_context *ctx); /* one thread, no limit, no callbacks */
+
+/* Records a failure and returns the status now in force (the first one recorded). printf-like. */
+bw_status bw_fail(bw_context *ctx, bw_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+/* Adds an offending element to the error; call it before or after bw_fail. position may be NULL. */
+void bw_fail_element(bw_context *ctx, const char *kind, int64_t id, const double *position);
+void bw_log(bw_context *ctx, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void bw_progress(bw_context *ctx, double fraction);
+/* BW_OK, or BW_E_CANCELLED once cancellation was asked for. Cheap: call it in every outer loop. */
+bw_status bw_poll(bw_context *ctx);
+
+/* count * size zeroed bytes. NULL (error recorded as BW_E_MEMORY) if refused; count 0 gives a valid block. */
+void *bw_alloc(bw_context *ctx, size_t count, size_t size);
+/* Resizes a block of bw_alloc/bw_grow (or NULL) to count * size bytes; new bytes are zero; NULL leaves the old block alone. */
+void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size);
+void bw_free(bw_context *ctx, void *block); /* NULL is fine */
+
+/* Growable array: makes room for `need` items in *items (item size given), at least doubling. */
+bw_status bw_reserve_(bw_context *ctx, void **items, size_t *capacity, size_t need, size_t size);
+#define bw_reserve(ctx, items, capacity, need)                                                                        \
+    ((need) <= *(capacity) ? BW_OK : bw_reserve_((ctx), (void **)(items), (capacity), (need), sizeof **(items)))
+
+#endif

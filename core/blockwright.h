@@ -1,0 +1,58 @@
+/* Blockwright's core: from a tet mesh with a seamless parametrization to a complex of cuboid blocks.
+ *
+ * The only header that programs outside core include. A job is a row of stages; each reads the state that the one
+ * before it left and either grows it (sanitize, trace, build) or writes results (encode):
+ *
+ *     input file --sanitize--> state --trace--> state --build--> state --encode--> result files
+ *
+ * bw_run() passes the state on in memory; bw_stage_run() runs one stage from file to file, as workers do. Both call the
+ * same stage functions, so their results are the same bytes.
+ */
+#ifndef BLOCKWRIGHT_H
+#define BLOCKWRIGHT_H
+
+#include "base/context.h"
+
+typedef enum {
+    BW_STAGE_SANITIZE, /* loads the input file first */
+    BW_STAGE_TRACE,
+    BW_STAGE_BUILD,
+    BW_STAGE_ENCODE,
+    BW_STAGE_COUNT
+} bw_stage;
+
+typedef enum {
+    BW_COMPLEX_MC, /* raw motorcycle complex (MC 4) */
+    BW_COMPLEX_BC  /* base complex: walls do not stop at walls (MC 2) */
+} bw_complex_kind;
+
+typedef struct {
+    bw_complex_kind complex;
+    bw_stage until;      /* last stage to run */
+    double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
+    uint64_t max_cells;  /* work limit of trace: cells of the cut complex (BW_E_LIMIT beyond) */
+} bw_options;
+
+void bw_options_defaults(bw_options *options);
+/* Reads options from a JSON object, e.g. {"complex": "bc"}; unknown names and wrong types are BW_E_USAGE. Members that
+ * are absent keep their value. `json` is not NUL-terminated. */
+bw_status bw_options_from_json(bw_context *ctx, bw_options *options, const char *json, size_t length);
+
+const char *bw_stage_name(bw_stage stage);                  /* "sanitize" */
+bw_status bw_stage_from_name(const char *name, bw_stage *stage); /* BW_E_USAGE if there is none */
+/* Version of a stage's algorithm and of its output file: part of the name under which outputs are cached. */
+int bw_stage_version(bw_stage stage);
+
+/* Runs all stages up to options->until; results go to the folder `out` (made if missing). On failure report.json is still
+ * written there, with the failure. */
+bw_status bw_run(bw_context *ctx, const bw_options *options, const char *input, const char *out);
+/* Runs one stage. `input`: the job's input file for sanitize, else the state file of the stage before. `output`: the
+ * state file to write, or for encode the folder for the result files. */
+bw_status bw_stage_run(bw_context *ctx, const bw_options *options, bw_stage stage, const char *input,
+                       const char *output);
+/* The error in ctx as a JSON object {status, class, message, element_count, elements}; free() it. NULL if out of memory. */
+char *bw_error_json(const bw_context *ctx);
+
+const char *bw_version(void);
+
+#endif
