@@ -1,0 +1,102 @@
+/* The report of a job: what every stage found, in one plain struct, and its JSON form (api/schemas/report.schema.json).
+ *
+ * Each stage fills its own section and sets its `has_` flag; a section whose stage did not run is absent from the JSON. A
+ * partial report travels from worker to worker as the same JSON text, inside the state file.
+ *
+ * To add a field: one member here, one line in the table of report_json.c, one property in the schema.
+ * A field that changes its meaning or goes away raises BW_REPORT_VERSION.
+ */
+#ifndef BW_FORMAT_REPORT_JSON_H
+#define BW_FORMAT_REPORT_JSON_H
+
+#include "complex/complex.h"
+
+enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 16 };
+
+typedef struct {
+    double min, median, max;
+} bw_report_range;
+
+typedef struct {
+    char name[24];
+    double seconds;      /* wall time */
+    uint64_t peak_bytes; /* largest sum of the job's heap blocks while the stage ran */
+} bw_report_stage;
+
+typedef struct {
+    char name[40]; /* file name in the result folder */
+    uint64_t bytes;
+} bw_report_result;
+
+typedef struct {
+    bool has_input, has_sanitize, has_trace, has_complex, has_quality;
+
+    struct {
+        char file[256]; /* name without its folder; may be empty */
+        uint64_t bytes;
+        uint64_t vertices, tets, facets, edges, boundary_facets;
+        uint64_t singular_edges, singular_edges_interior, singular_edges_boundary; /* known once sanitized */
+        uint64_t feature_vertices, feature_edges, feature_facets;
+        bool mirrored; /* tets are listed negative; traced.hexex keeps that */
+    } input;
+
+    struct {
+        bool already_exact; /* nothing had to move */
+        double displacement_max;        /* parameter units, over all corners and axes */
+        double residual_seamless_max;   /* relative defect of the input, as the tolerance is */
+        double residual_alignment_max;
+        uint64_t cut_facets, cut_edges, branches, nodes, cut_sheets, align_sheets;
+        uint64_t system_rows, system_columns, system_rank, free_variables;
+        int64_t grid_exponent; /* parameter = integer * 2^-grid_exponent from here on */
+    } sanitize;
+
+    struct {
+        uint64_t vertices, edges, polygons, cells; /* of the cut complex; leaves only */
+        uint64_t wall_polygons;                    /* inside; boundary polygons are counted apart */
+        uint64_t boundary_polygons;
+    } trace;
+
+    struct {
+        char kind[8]; /* "mc" or "bc" */
+        struct {      /* as traced, before any reduction */
+            uint64_t nodes, arcs, patches, blocks, t_arcs, torus_splits;
+            uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
+        } raw;
+    } complex;
+
+    struct {
+        bw_report_range block_extent; /* parameter units, over all three extents of all blocks */
+        bw_report_range block_aspect; /* longest extent over shortest, per block */
+        bw_report_range block_volume; /* in the input's space, per block */
+        double volume;                /* of the model, in the input's space */
+        uint64_t traced_vertices, traced_tets, traced_walls; /* of traced.hexex */
+    } quality;
+
+    size_t stage_count;
+    bw_report_stage stage[BW_REPORT_STAGES];
+    size_t result_count;
+    bw_report_result result[BW_REPORT_RESULTS];
+    bw_error error; /* status BW_OK: the job succeeded as far as it was asked to go */
+} bw_report;
+
+void bw_report_init(bw_report *report);
+/* Adds a stage or a result; what exceeds the room is dropped. Names are cut to fit. A result of the same name is replaced. */
+void bw_report_add_stage(bw_report *report, const char *name, double seconds, uint64_t peak_bytes);
+void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes);
+
+/* Sections that follow from the data alone. Input: file, bytes and singular edges are left to whoever knows them. O(n). */
+void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh);
+void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh, const bw_grid_map *map); /* into input */
+void bw_report_fill_trace(bw_report *report, const bw_cells *cells);
+void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
+
+/* JSON text, newline at the end; free() it. NULL if out of memory. */
+char *bw_report_to_json(const bw_report *report);
+/* Reads what bw_report_to_json wrote. BW_E_VERSION if it is anything else; unknown members are ignored. */
+bw_status bw_report_from_json(bw_context *ctx, const char *json, size_t length, bw_report *report);
+/* Writes the report to a file. Works with an error recorded in ctx too. BW_E_IO. */
+bw_status bw_report_write(bw_context *ctx, const bw_report *report, const char *path);
+/* An error as a JSON object {status, class, message, element_count, elements: [{kind, id, position?}]}; free() it. */
+char *bw_report_error_json(const bw_error *error);
+
+#endif
