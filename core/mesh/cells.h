@@ -1,0 +1,147 @@
+/* Cell complex: the tet mesh cut by iso-planes into convex cells (core/README.md, "Cut convex cells").
+ *
+ * Inside a tet the map is affine, so an iso-surface of the map is an axis-aligned plane there, and a tet cut by such planes is a
+ * set of convex polyhedra. Cutting a cell splits that cell only; its neighbours merely get extra vertices and edges on
+ * their boundary. Everything is index based, in pooled arrays; what is split keeps its slot and names its children.
+ *
+ * Invariants (bw_cells_check)
+ *  1. Conforming: two cells share whole polygons, two polygons share whole edges. Polygons and cells are convex, but may
+ *     have consecutive collinear edges and coplanar neighbouring polygons.
+ *  2. Every vertex has a carrier, the lowest-dimensional element of the tet mesh that it lies in:
+ *       vertex  exact[] unused
+ *       edge    point = (1 - s) edge[0] + s edge[1], s = exact[0] / exact[1], 0 < s < 1
+ *       facet   exact[k] = floor of coordinate k in the chart of facet_tet[facet][0]; bit k of `fraction` set if the
+ *               coordinate is larger than its floor (never for two of the three)
+ *       tet     exact[k] = coordinate k in the tet's chart
+ *     so comparing a coordinate with an integer needs integer arithmetic only.
+ *  3. Every edge has a carrier too, and the iso-planes that made it: none if it lies in a tet edge, one if in a facet
+ *     (chart of facet_tet[facet][0]), two if in a tet.
+ *  4. Every polygon lies in a facet or, with its iso-plane, in the interior of a tet.
+ *  5. A polygon's half-edges form a cycle; all half-edges of an edge form a radial ring, in no particular order.
+ *  6. Only leaves (child[0] == BW_NONE) have half-edges and belong to cells.
+ */
+#ifndef BW_MESH_CELLS_H
+#define BW_MESH_CELLS_H
+
+#include <gmp.h>
+
+#include "mesh/gridmap.h"
+
+typedef enum { BW_IN_VERTEX, BW_IN_EDGE, BW_IN_FACET, BW_IN_TET } bw_carrier;
+
+typedef int32_t bw_half; /* half-edge */
+
+typedef struct {
+    int64_t exact[3];
+    int32_t carrier; /* bw_vertex, bw_edge, bw_facet or bw_tet */
+    uint8_t kind;    /* bw_carrier */
+    uint8_t fraction;
+} bw_cell_vertex;
+
+typedef struct {
+    bw_plane plane[2];
+    int32_t carrier;      /* bw_edge, bw_facet or bw_tet */
+    bw_cvertex vertex[2];
+    bw_cedge child[2];    /* child[0] holds vertex[0] */
+    bw_cedge parent;
+    bw_half half;         /* any half-edge of the radial ring */
+    uint8_t kind;         /* bw_carrier, not BW_IN_VERTEX */
+} bw_cell_edge;
+
+typedef struct {
+    bw_cvertex origin;
+    bw_cedge edge;
+    bw_polygon polygon;
+    bw_half next, previous; /* around the polygon */
+    bw_half radial;         /* next half-edge of the same edge */
+} bw_cell_half;
+
+enum { BW_WALL = 1, BW_BOUNDARY = 2 };
+
+typedef struct {
+    bw_plane plane;        /* kind BW_IN_TET: iso-plane in the tet's chart; else axis is -1 unless the facet is aligned, then chart of facet_tet[0] */
+    int64_t distance;      /* of a wall from its origin, grid units */
+    int32_t carrier;       /* bw_facet or bw_tet */
+    bw_half half;          /* any half-edge */
+    bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
+    bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first) */
+    bw_polygon child[2], parent;
+    uint8_t kind;          /* bw_carrier: BW_IN_FACET or BW_IN_TET */
+    uint8_t flags;         /* BW_WALL, BW_BOUNDARY; children inherit */
+} bw_cell_polygon;
+
+typedef struct {
+    bw_tet tet;
+    bw_polygon first;
+} bw_cell_body;
+
+typedef struct {
+    const bw_tet_mesh *mesh; /* borrowed */
+    const bw_grid_map *map;  /* borrowed */
+    size_t vertex_count, edge_count, half_count, polygon_count, cell_count;
+    bw_cell_vertex *vertex;
+    bw_cell_edge *edge;
+    bw_cell_half *half;
+    bw_cell_polygon *polygon;
+    bw_cell_body *cell;
+    size_t vertex_room, edge_room, half_room, polygon_room, cell_room; /* capacities */
+    /* scratch of bw_cells_cut */
+    int8_t *sign; /* per vertex: sign of the vertex in the running cut; 2 = not known */
+    size_t sign_room;
+    bw_cvertex *touched;
+    size_t touched_room;
+} bw_cells;
+
+/* The uncut complex: vertices, edges, polygons and cells have the numbers of the mesh's vertices, edges, facets, tets.
+ * Boundary polygons get BW_WALL | BW_BOUNDARY. */
+bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mesh, const bw_grid_map *map);
+void bw_cells_clear(bw_context *ctx, bw_cells *cells);
+
+/* Sign of (coordinate of vertex - plane), plane in the chart of `tet`; the vertex lies in the closed tet. Exact. */
+int bw_cells_side(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, bw_plane plane);
+
+/* Cuts a cell by a plane given in the chart of its tet. *section: the polygon in the plane, new, or an existing face of the
+ * cell in the plane; BW_NONE if plane and cell share less than a polygon. The two halves are `cell` and the
+ * newest cell. O(size of the cell + polygons around its cut edges). */
+bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane plane, bw_polygon *section);
+
+static inline bw_cell bw_cells_across(const bw_cells *cells, bw_polygon p, bw_cell from) {
+    return cells->polygon[p].cell[cells->polygon[p].cell[0] == from];
+}
+static inline bw_polygon bw_cells_next_in_cell(const bw_cells *cells, bw_polygon p, bw_cell cell) {
+    return cells->polygon[p].in_cell[cells->polygon[p].cell[0] != cell];
+}
+static inline bool bw_cells_polygon_is_leaf(const bw_cells *cells, bw_polygon p) {
+    return cells->polygon[p].child[0] == BW_NONE;
+}
+static inline bool bw_cells_edge_is_leaf(const bw_cells *cells, bw_cedge e) { return cells->edge[e].child[0] == BW_NONE; }
+/* Both vertices of a half-edge's edge other than its origin. */
+static inline bw_cvertex bw_cells_half_end(const bw_cells *cells, bw_half h) {
+    return cells->half[cells->half[h].next].origin;
+}
+/* Transition into the chart of cell `to` from that of cell `from` across a polygon they share. */
+bw_transition bw_cells_transition(const bw_cells *cells, bw_polygon polygon, bw_cell from);
+/* The tet edge that carries a complex edge, or BW_NONE. */
+static inline bw_edge bw_cells_mesh_edge(const bw_cells *cells, bw_cedge e) {
+    return cells->edge[e].kind == BW_IN_EDGE ? cells->edge[e].carrier : BW_NONE;
+}
+static inline bool bw_cells_edge_is_singular(const bw_cells *cells, bw_cedge e) {
+    return cells->edge[e].kind == BW_IN_EDGE && (cells->map->edge_flags[cells->edge[e].carrier] & BW_EDGE_SINGULAR);
+}
+bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e);
+/* The plane of a polygon in the chart of `tet`, one of the tets it lies in; axis -1 if it is in no iso-plane. */
+bw_plane bw_cells_polygon_plane(const bw_cells *cells, bw_polygon polygon, bw_tet tet);
+/* Axis along which a complex edge runs in the chart of `tet`; -1 if along none. */
+int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet);
+
+/* Floor of coordinate `axis` of a vertex in the chart of `tet`; *fraction is set if the coordinate is larger. */
+int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int axis, bool *fraction);
+/* Exact coordinates of a vertex in the chart of `tet`, in grid units, canonical rationals; out is initialised by the caller. */
+void bw_cells_parameter(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, mpq_t out[3]);
+/* Position in the input's space, to double rounding. */
+void bw_cells_position(const bw_cells *cells, bw_cvertex vertex, double out[3]);
+
+/* Verifies every invariant above. BW_E_CHECK naming the first violation. O(n). */
+bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells);
+
+#endif
