@@ -1,0 +1,188 @@
+#include "http.h"
+
+#include <curl/curl.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "command.h"
+#include "failure.h"
+
+enum { URL_MAX = 2048, CONNECT_SECONDS = 10, STALL_SECONDS = 120 };
+static const size_t reply_max = (size_t)256 << 20; /* report.json and manifests stay far below */
+
+struct cli_http {
+    CURL *curl;
+    char server[1024];
+    char error[CURL_ERROR_SIZE];
+    char text[CURL_ERROR_SIZE + 64];
+};
+
+/* Where the body of an answer goes. */
+typedef struct {
+    cli_http *http;
+    cli_reply *reply;
+    FILE *file; /* for the body of a 200; NULL: everything goes to reply */
+    int64_t room;
+} sink;
+
+cli_http *cli_http_open(const char *server) {
+    cli_http *http = calloc(1, sizeof *http);
+    if (!http || curl_global_init(CURL_GLOBAL_DEFAULT) != CURLE_OK || !(http->curl = curl_easy_init())) {
+        cli_error("out of memory");
+        exit(CLI_INTERNAL);
+    }
+    if (!server) server = getenv("BLOCKWRIGHT_SERVER");
+    if (!server || !*server) server = "http://127.0.0.1:8080";
+    snprintf(http->server, sizeof http->server, "%s", server);
+    for (size_t n = strlen(http->server); n > 0 && http->server[n - 1] == '/'; n--) http->server[n - 1] = 0;
+    return http;
+}
+
+void cli_http_close(cli_http *http) {
+    if (!http) return;
+    curl_easy_cleanup(http->curl);
+    curl_global_cleanup();
+    free(http);
+}
+
+const char *cli_http_server(const cli_http *http) { return http->server; }
+const char *cli_http_error(const cli_http *http) { return http->text; }
+
+void cli_reply_clear(cli_reply *reply) {
+    free(reply->body);
+    memset(reply, 0, sizeof *reply);
+}
+
+static size_t to_memory(sink *s, const char *data, size_t size) {
+    cli_reply *r = s->reply;
+    if (size > reply_max - r->size) return 0;
+    char *body = realloc(r->body, r->size + size + 1);
+    if (!body) return 0;
+    memcpy(body + r->size, data, size);
+    body[r->size += size] = 0;
+    r->body = body;
+    return size;
+}
+
+static size_t on_body(char *data, size_t one, size_t size, void *user) {
+    sink *s = user;
+    long status = 0;
+    (void)one;
+    curl_easy_getinfo(s->http->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (!s->file || status != 200) return to_memory(s, data, size);
+    if ((int64_t)size > s->room) return 0;
+    s->room -= (int64_t)size;
+    return fwrite(data, 1, size, s->file);
+}
+
+static int on_transfer(void *user, curl_off_t down_all, curl_off_t down, curl_off_t up_all, curl_off_t up) {
+    (void)down_all;
+    (void)down;
+    if (up_all > 0) cli_progress_show(user, "upload", (double)up / (double)up_all);
+    return 0;
+}
+
+static void prepare(cli_http *http, const char *method, const char *path, sink *s) {
+    char url[URL_MAX];
+    CURL *c = http->curl;
+    snprintf(url, sizeof url, "%s%s", http->server, path);
+    curl_easy_reset(c);
+    http->error[0] = 0;
+    curl_easy_setopt(c, CURLOPT_URL, url);
+    curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
+    curl_easy_setopt(c, CURLOPT_USERAGENT, "blockwright/" BW_VERSION);
+    curl_easy_setopt(c, CURLOPT_ERRORBUFFER, http->error);
+    curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
+    curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT, (long)CONNECT_SECONDS);
+    curl_easy_setopt(c, CURLOPT_LOW_SPEED_LIMIT, 1L);
+    curl_easy_setopt(c, CURLOPT_LOW_SPEED_TIME, (long)STALL_SECONDS);
+    curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, on_body);
+    curl_easy_setopt(c, CURLOPT_WRITEDATA, s);
+    if (!strcmp(method, "HEAD")) curl_easy_setopt(c, CURLOPT_NOBODY, 1L);
+    else if (strcmp(method, "GET") != 0) curl_easy_setopt(c, CURLOPT_CUSTOMREQUEST, method);
+}
+
+/* A daemon that refuses an upload early may close before it has read everything: an answer that came is what counts. */
+static bool perform(cli_http *http, cli_reply *reply) {
+    CURLcode code = curl_easy_perform(http->curl);
+    curl_easy_getinfo(http->curl, CURLINFO_RESPONSE_CODE, &reply->status);
+    if (code == CURLE_OK || (code == CURLE_SEND_ERROR && reply->status >= 400)) return true;
+    snprintf(http->text, sizeof http->text, "%s", http->error[0] ? http->error : curl_easy_strerror(code));
+    cli_reply_clear(reply);
+    return false;
+}
+
+bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply) {
+    sink s = {http, reply, NULL, 0};
+    struct curl_slist *headers = NULL;
+    memset(reply, 0, sizeof *reply);
+    prepare(http, method, path, &s);
+    if (json) headers = curl_slist_append(headers, "Content-Type: application/json");
+    if (json || !strcmp(method, "POST")) {
+        curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
+        curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, headers);
+    }
+    bool good = perform(http, reply);
+    curl_slist_free_all(headers);
+    return good;
+}
+
+bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size, cli_progress *progress,
+                     cli_reply *reply) {
+    sink s = {http, reply, NULL, 0};
+    memset(reply, 0, sizeof *reply);
+    prepare(http, "PUT", path, &s);
+    struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/octet-stream");
+    curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, headers);
+    curl_easy_setopt(http->curl, CURLOPT_UPLOAD, 1L);
+    curl_easy_setopt(http->curl, CURLOPT_READDATA, file);
+    curl_easy_setopt(http->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)size);
+    if (progress) {
+        curl_easy_setopt(http->curl, CURLOPT_NOPROGRESS, 0L);
+        curl_easy_setopt(http->curl, CURLOPT_XFERINFOFUNCTION, on_transfer);
+        curl_easy_setopt(http->curl, CURLOPT_XFERINFODATA, progress);
+    }
+    bool good = perform(http, reply);
+    curl_slist_free_all(headers);
+    return good;
+}
+
+bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply) {
+    sink s = {http, reply, file, limit};
+    memset(reply, 0, sizeof *reply);
+    prepare(http, "GET", path, &s);
+    return perform(http, reply);
+}
+
+int cli_http_failed(const cli_http *http) {
+    cli_error("%s does not answer: %s; is blockwrightd running there?", http->server, http->text);
+    return CLI_INTERNAL;
+}
+
+int cli_http_refused(const cli_http *http, const cli_reply *reply) {
+    json_t *problem = reply->body ? json_loads(reply->body, 0, NULL) : NULL;
+    int code = CLI_INTERNAL;
+    if (json_is_string(json_object_get(problem, "type"))) code = cli_failure_problem(NULL, problem, reply->status);
+    else cli_error("%s answered with HTTP status %ld, not as a Blockwright daemon does", http->server, reply->status);
+    json_decref(problem);
+    return code;
+}
+
+json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json, int *exit_code) {
+    cli_reply reply;
+    json_t *answer = NULL;
+    if (!cli_http_call(http, method, path, json, &reply)) {
+        *exit_code = cli_http_failed(http);
+        return NULL;
+    }
+    if (reply.status / 100 == 2) answer = reply.body ? json_loads(reply.body, 0, NULL) : NULL;
+    if (!answer) *exit_code = cli_http_refused(http, &reply);
+    cli_reply_clear(&reply);
+    return answer;
+}
+
+bool cli_job_id_valid(const char *id) {
+    static const char allowed[] = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_";
+    size_t n = strlen(id);
+    return n > 0 && n <= 64 && strspn(id, allowed) == n;
+}

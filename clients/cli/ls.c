@@ -1,0 +1,85 @@
+/* blockwright ls: the jobs of a daemon. */
+#include <curl/curl.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "remote.h"
+
+enum { PAGE_MAX = 200 }; /* the most a daemon gives at once */
+
+typedef struct {
+    const char *server, *state;
+    int64_t limit;
+} settings;
+
+static const cli_option options[] = {
+    CLI_SERVER_OPTION(settings),
+    {"state", 0, CLI_CHOICE, offsetof(settings, state), "queued|running|successful|failed|dismissed",
+     "only jobs in this state", 0, 0},
+    {"limit", 'n', CLI_INTEGER, offsetof(settings, limit), "N", "the newest N jobs (default 50)", 1, 1e9},
+};
+
+static const char *text_of(const json_t *object, const char *key) {
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+static void print_job(const json_t *job) {
+    const json_t *complex = json_object_get(json_object_get(job, "options"), "complex");
+    printf("%-24s  %-10s  %3.0f %%  %-13s  %-3s  %-20.20s  ", text_of(job, "id"), text_of(job, "state"),
+           100 * json_number_value(json_object_get(job, "progress")), text_of(job, "stage"),
+           json_is_string(complex) ? json_string_value(complex) : "mc", text_of(job, "created"));
+    cli_print_safe(stdout, text_of(job, "name"));
+    putchar('\n');
+}
+
+static bool page_path(char *path, size_t size, const settings *s, int64_t left, const char *cursor) {
+    int n = snprintf(path, size, "/v1/jobs?limit=%d", (int)(left < PAGE_MAX ? left : PAGE_MAX));
+    if (s->state) n += snprintf(path + n, size - (size_t)n, "&state=%s", s->state);
+    if (!*cursor) return true;
+    char *escaped = curl_easy_escape(NULL, cursor, 0);
+    if (!escaped) return false;
+    n += snprintf(path + n, size - (size_t)n, "&cursor=%s", escaped);
+    curl_free(escaped);
+    return (size_t)n < size;
+}
+
+static int list(cli_http *http, const settings *s) {
+    char path[1024], cursor[256] = "";
+    int64_t left = s->limit;
+    int code = CLI_DONE;
+    do {
+        if (!page_path(path, sizeof path, s, left, cursor)) return CLI_INTERNAL;
+        json_t *page = cli_http_json(http, "GET", path, NULL, &code);
+        if (!page) return code;
+        size_t index;
+        json_t *job;
+        json_array_foreach(json_object_get(page, "jobs"), index, job) print_job(job);
+        left -= (int64_t)json_array_size(json_object_get(page, "jobs"));
+        snprintf(cursor, sizeof cursor, "%s", text_of(page, "next"));
+        json_decref(page);
+    } while (left > 0 && *cursor);
+    return CLI_DONE;
+}
+
+static int run(const cli_command *self, int argc, char **argv) {
+    settings s = {.limit = 50};
+    cli_operands operands;
+    if (!cli_parse(self, argc, argv, &s, &operands, 0, 0)) return CLI_USAGE;
+    cli_http *http = cli_http_open(s.server);
+    int code = list(http, &s);
+    cli_http_close(http);
+    return code;
+}
+
+const cli_command cli_command_ls = {
+    .name = "ls",
+    .synopsis = "[options]",
+    .summary = "list the jobs of a daemon",
+    .about = "One line per job, the newest first: id, state, progress, stage, complex, time of creation, name.",
+    .examples = "  blockwright ls\n"
+                "  blockwright ls --state failed -n 10",
+    .options = options,
+    .option_count = sizeof options / sizeof *options,
+    .run = run,
+};

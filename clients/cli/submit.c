@@ -1,0 +1,136 @@
+/* blockwright submit: uploads a file, unless the daemon has it already, and creates a job for it. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hash.h"
+#include "remote.h"
+
+typedef struct {
+    const char *server, *complex, *until, *name, *out;
+    double tolerance;
+    int64_t max_cells;
+    bool wait, quiet;
+} settings;
+
+static const cli_option options[] = {
+    CLI_SERVER_OPTION(settings),
+    {"complex", 0, CLI_CHOICE, offsetof(settings, complex), "mc|bc",
+     "mc: motorcycle complex (default); bc: base complex", 0, 0},
+    {"until", 0, CLI_CHOICE, offsetof(settings, until), "sanitize|trace|build|encode", "stop after this stage", 0, 0},
+    {"tolerance", 0, CLI_NUMBER, offsetof(settings, tolerance), "X",
+     "largest accepted defect of the map, relative to the edge it is on", 1e-15, 1},
+    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N", "work limit of tracing, in cells of the cut complex",
+     1, 2e9},
+    {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)", 0, 0},
+    {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0, 0},
+    {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
+    {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "print the job's id and errors, nothing else", 0, 0},
+};
+
+static int put_blob(cli_http *http, FILE *file, int64_t size, const char *path, bool quiet) {
+    cli_progress progress;
+    cli_reply reply;
+    cli_progress_open(&progress, quiet);
+    bool answered = cli_http_upload(http, path, file, size, &progress, &reply);
+    cli_progress_clear(&progress);
+    if (!answered) return cli_http_failed(http);
+    int code = reply.status / 100 == 2 ? CLI_DONE : cli_http_refused(http, &reply);
+    cli_reply_clear(&reply);
+    return code;
+}
+
+/* Makes sure the daemon has the file; `hash` receives its name there. */
+static int upload(cli_http *http, const char *name, bool quiet, char hash[CLI_HASH_TEXT]) {
+    char path[128];
+    int64_t size;
+    cli_reply reply;
+    int code = CLI_DONE;
+    FILE *file = fopen(name, "rb");
+    if (!file || !cli_hash_file(file, hash, &size)) {
+        cli_error("%s cannot be read: %s", name, strerror(errno));
+        code = CLI_INTERNAL;
+        goto out;
+    }
+    snprintf(path, sizeof path, "/v1/blobs/%s", hash);
+    if (!cli_http_call(http, "HEAD", path, NULL, &reply)) {
+        code = cli_http_failed(http);
+        goto out;
+    }
+    if (reply.status == 404) code = put_blob(http, file, size, path, quiet);
+    else if (reply.status != 200) code = cli_http_refused(http, &reply);
+    cli_reply_clear(&reply);
+out:
+    if (file) fclose(file);
+    return code;
+}
+
+static char *job_request(const settings *s, const char *file, const char *hash) {
+    const char *slash = strrchr(file, '/');
+    json_t *o = json_object();
+    if (s->complex) json_object_set_new(o, "complex", json_string(s->complex));
+    if (s->until) json_object_set_new(o, "until", json_string(s->until));
+    if (s->tolerance > 0) json_object_set_new(o, "tolerance", json_real(s->tolerance));
+    if (s->max_cells > 0) json_object_set_new(o, "max_cells", json_integer(s->max_cells));
+    const char *name = s->name ? s->name : slash ? slash + 1 : file;
+    json_t *request = json_pack("{s:s, s:o}", "input", hash, "options", o);
+    json_t *text = json_string(name); /* NULL if it is not UTF-8: then the job goes without a name */
+    if (text) json_object_set_new(request, "name", text);
+    char *body = json_dumps(request, JSON_COMPACT);
+    json_decref(request);
+    return body;
+}
+
+static int submit(cli_http *http, const settings *s, const char *file) {
+    char hash[CLI_HASH_TEXT];
+    int code = upload(http, file, s->quiet, hash);
+    if (code != CLI_DONE) return code;
+    char *body = job_request(s, file, hash);
+    if (!body) {
+        cli_error("out of memory");
+        return CLI_INTERNAL;
+    }
+    json_t *job = cli_http_json(http, "POST", "/v1/jobs", body, &code);
+    free(body);
+    if (!job) return code;
+    const char *id = json_string_value(json_object_get(job, "id"));
+    if (!id || !cli_job_id_valid(id)) {
+        cli_error("%s answered without a job id", cli_http_server(http));
+        json_decref(job);
+        return CLI_INTERNAL;
+    }
+    printf("%s\n", id);
+    fflush(stdout);
+    if (!s->quiet) fprintf(stderr, "job %s is at %s/v1/jobs/%s\n", id, cli_http_server(http), id);
+    if (s->wait || s->out) code = cli_watch(http, id, s->quiet);
+    if (code == CLI_DONE && s->out) code = cli_fetch(http, id, s->out, s->quiet);
+    json_decref(job);
+    return code;
+}
+
+static int run(const cli_command *self, int argc, char **argv) {
+    settings s = {0};
+    cli_operands operands;
+    if (!cli_parse(self, argc, argv, &s, &operands, 1, 1)) return CLI_USAGE;
+    if (s.name && strlen(s.name) > 200) return cli_usage_error(self, "--name is longer than 200 bytes");
+    cli_http *http = cli_http_open(s.server);
+    int code = submit(http, &s, operands.operand[0]);
+    cli_http_close(http);
+    return code;
+}
+
+const cli_command cli_command_submit = {
+    .name = "submit",
+    .synopsis = "FILE [options]",
+    .summary = "give a part to a daemon as a job",
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id is printed on\n"
+             "standard output as soon as the daemon has stored the job for good. With --wait the command stays until\n"
+             "the job has ended and its exit code tells how; with --out it also fetches the results.",
+    .examples = "  blockwright submit part.hexex\n"
+                "  blockwright submit part.hexex --complex bc --out result\n"
+                "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",
+    .options = options,
+    .option_count = sizeof options / sizeof *options,
+    .run = run,
+};

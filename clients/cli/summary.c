@@ -1,0 +1,96 @@
+#include "summary.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "terminal.h"
+
+static void count_line(const json_t *object, const char *const *keys, const char *const *words, size_t n) {
+    const char *separator = "";
+    for (size_t i = 0; i < n; i++) {
+        const json_t *value = json_object_get(object, keys[i]);
+        if (!json_is_integer(value)) continue;
+        printf("%s%" JSON_INTEGER_FORMAT " %s", separator, json_integer_value(value), words[i]);
+        separator = ", ";
+    }
+    putchar('\n');
+}
+
+static void complexes(const json_t *all) {
+    static const char *const keys[] = {"blocks", "patches", "arcs", "t_arcs", "nodes"};
+    static const char *const words[] = {"blocks", "patches", "arcs", "T-arcs", "nodes"};
+    const char *name;
+    json_t *one;
+    json_object_foreach((json_t *)all, name, one) {
+        if (!json_is_integer(json_object_get(one, "blocks"))) continue;
+        char label[32];
+        snprintf(label, sizeof label, "complex %s", name);
+        printf("%-13s ", label);
+        count_line(one, keys, words, sizeof keys / sizeof *keys);
+    }
+}
+
+static void stages(const json_t *list) {
+    size_t index;
+    json_t *stage;
+    if (json_array_size(list)) printf("\n%-13s %10s %12s\n", "stage", "seconds", "peak memory");
+    json_array_foreach(list, index, stage) {
+        const char *name = json_string_value(json_object_get(stage, "name"));
+        const json_t *peak = json_object_get(stage, "peak_bytes");
+        char size[24] = "";
+        if (json_is_integer(peak)) cli_bytes(size, (uint64_t)json_integer_value(peak));
+        printf("%-13s %10.3f %12s\n", name ? name : "?", json_number_value(json_object_get(stage, "seconds")), size);
+    }
+}
+
+void cli_summary_print(const json_t *report) {
+    static const char *const keys[] = {"vertices", "tets", "singular_edges"};
+    static const char *const words[] = {"vertices", "tets", "singular edges"};
+    const json_t *input = json_object_get(report, "input");
+    const json_t *displacement = json_object_get(json_object_get(report, "sanitize"), "displacement_max");
+    if (json_is_object(input)) {
+        printf("%-13s ", "input");
+        count_line(input, keys, words, sizeof keys / sizeof *keys);
+    }
+    if (json_is_number(displacement))
+        printf("%-13s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
+    complexes(json_object_get(report, "complex"));
+    stages(json_object_get(report, "stages"));
+}
+
+json_t *cli_report_load(const char *folder) {
+    char path[4096];
+    json_error_t error;
+    snprintf(path, sizeof path, "%s/report.json", folder);
+    json_t *report = json_load_file(path, 0, &error);
+    if (!report) cli_error("%s cannot be read: %s", path, error.text);
+    return report;
+}
+
+/* Files are stamped with the coarse clock, which runs a few milliseconds behind the fine one. */
+int64_t cli_files_now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_REALTIME_COARSE, &t);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+void cli_files_print(const char *folder, int64_t since) {
+    struct dirent **entries;
+    int n = scandir(folder, &entries, NULL, alphasort);
+    if (n < 0) return;
+    printf("\n%s/\n", folder);
+    for (int i = 0; i < n; i++) {
+        char path[4096], size[24];
+        struct stat s;
+        snprintf(path, sizeof path, "%s/%s", folder, entries[i]->d_name);
+        if (stat(path, &s) == 0 && S_ISREG(s.st_mode) &&
+            (int64_t)s.st_mtim.tv_sec * 1000000000 + s.st_mtim.tv_nsec >= since)
+            printf("  %-20s %10s\n", entries[i]->d_name, cli_bytes(size, (uint64_t)s.st_size));
+        free(entries[i]);
+    }
+    free(entries);
+}

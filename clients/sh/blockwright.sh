@@ -1,0 +1,419 @@
+#!/bin/sh
+# A client for blockwrightd that needs no more than a POSIX shell with its awk and sed, curl and sha256sum. See usage().
+#
+# It splits the daemon's JSON into members with awk, minding strings and nesting. Everything that is used for more than
+# showing it (ids, states, hashes, file names) is a plain word by the API's schemas, and one that does not look so is
+# refused. Free text (why a job failed, a job's name) is only ever printed, after its escapes have been resolved.
+set -u
+
+usage() {
+    cat <<'END'
+Usage: blockwright.sh COMMAND ...
+
+  submit FILE [--complex mc|bc] [--until STAGE] [--name TEXT] [--wait] [--out DIR]
+                     upload FILE, create a job, print its id; --wait follows it, --out also fetches the results
+  watch ID           wait until job ID has ended
+  fetch ID --out DIR bring its results home, each checked against its SHA-256
+  cancel ID          ask it to stop
+  ls                 list the jobs: id, state, name
+  log ID             show what its workers logged
+  report ID          print its report.json
+
+The daemon's address: --server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.
+--quiet says nothing but ids and errors.
+
+Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.
+
+  BLOCKWRIGHT_SERVER=http://127.0.0.1:8080
+  id=$(sh blockwright.sh submit part.hexex) && sh blockwright.sh watch "$id" && sh blockwright.sh fetch "$id" --out result
+END
+}
+
+note() { [ "$quiet" = yes ] || printf '%s\n' "$*" >&2; }
+error() { printf 'blockwright.sh: %s\n' "$*" >&2; }
+mistake() {
+    error "$*"
+    error "try --help"
+    exit 2
+}
+
+# ---- JSON, as far as it is needed ----
+
+# One member per line: breaks the text (FILE) at commas and braces that stand outside of strings, drops the space around
+# them. Strings keep their escapes.
+members() {
+    awk '
+        { text = text $0 " " }
+        END {
+            n = length(text); inside = 0; line = ""
+            for (i = 1; i <= n; i++) {
+                c = substr(text, i, 1)
+                if (inside) {
+                    line = line c
+                    if (c == "\\") { i++; line = line substr(text, i, 1) }
+                    else if (c == "\"") inside = 0
+                } else if (c == "\"") { inside = 1; line = line c }
+                else if (c ~ /[{}\[\],]/) { if (line != "") print line; print c; line = "" }
+                else if (c !~ /[ \t\r]/) line = line c
+            }
+            if (line != "") print line
+        }' "$1"
+}
+
+# Value of member NAME at depth DEPTH (1: of the outermost object) in FILE, strings without their quotes; the first one.
+value() {
+    members "$1" | awk -v name="\"$2\":" -v want="$3" '
+        /^[{\[]$/ { depth++; next }
+        /^[}\]]$/ { depth--; next }
+        depth == want && index($0, name) == 1 {
+            text = substr($0, length(name) + 1)
+            if (text ~ /^".*"$/) text = substr(text, 2, length(text) - 2)
+            print text
+            exit
+        }'
+}
+
+# Like value(), for a member of the object FIELD that is itself a member of the outermost object.
+inner() {
+    members "$1" | awk -v field="\"$2\":" -v name="\"$3\":" '
+        /^[{\[]$/ { depth++; if (depth == 2) within = (last == field); last = ""; next }
+        /^[}\]]$/ { depth--; last = ""; next }
+        { last = $0 }
+        depth == 2 && within && index($0, name) == 1 {
+            text = substr($0, length(name) + 1)
+            if (text ~ /^".*"$/) text = substr(text, 2, length(text) - 2)
+            print text
+            exit
+        }'
+}
+
+# Text of a JSON string for people: escapes resolved, control characters gone.
+plain() { sed -e 's/\\[nrt]/ /g' -e 's/\\u00[01][0-9a-fA-F]/?/g' -e 's/\\\(["\\/]\)/\1/g' | tr -d '\000-\010\013-\037\177'; }
+
+# A JSON string for TEXT; what is not printable is left out.
+quoted() { printf '"%s"' "$(printf '%s' "$1" | tr -d '\000-\037\177' | sed 's/[\\"]/\\&/g')"; }
+
+# ---- HTTP ----
+
+# request METHOD PATH [curl options]: the body goes to $work/body, the status to $status. Fails if there is no answer.
+request() {
+    method=$1
+    path=$2
+    shift 2
+    case $method in
+    HEAD) set -- --head "$@" ;;
+    *) set -- -X "$method" "$@" ;;
+    esac
+    status=$(curl -sS --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$work/body" \
+        -w '%{http_code}' "$@" "$server$path" 2>"$work/curl")
+    case $status in
+    [2345][0-9][0-9]) return 0 ;;
+    esac
+    return 1
+}
+
+silent() {
+    error "$server does not answer: $(sed 's/^curl: //' "$work/curl" | head -n 1)"
+    exit 5
+}
+
+# Exit code for a problem CODE of class CLASS answered with HTTP status: the table of core/base/status.def.
+exit_of() {
+    case $1 in
+    usage | bad-request | bad-json | invalid-option | invalid-parameter) return 2 ;;
+    esac
+    case $2 in
+    input) return 3 ;;
+    limit) return 4 ;;
+    algorithm | system) return 5 ;;
+    esac
+    case $3 in
+    400) return 2 ;;
+    413 | 429) return 4 ;;
+    4??) return 3 ;;
+    esac
+    return 5
+}
+
+# Says what the problem in FILE means and ends. With a FIELD the problem is that member of the outermost object.
+complain() {
+    if [ -n "$2" ]; then
+        type=$(inner "$1" "$2" type)
+        detail=$(inner "$1" "$2" detail)
+        class=$(inner "$1" "$2" class)
+        http=$(inner "$1" "$2" status)
+        [ -n "$detail" ] || detail=$(inner "$1" "$2" title)
+    else
+        type=$(value "$1" type 1)
+        detail=$(value "$1" detail 1)
+        class=$(value "$1" class 1)
+        http=$status
+        [ -n "$detail" ] || detail=$(value "$1" title 1)
+    fi
+    if [ -z "$type" ]; then
+        error "$server answered with HTTP status $status, not as a Blockwright daemon does"
+        exit 5
+    fi
+    code=${type##*/}
+    error "$3$(printf '%s' "$detail" | plain) [$code]"
+    elements "$1" >&2
+    exit_of "$code" "$class" "$http"
+    exit
+}
+
+# The first ten elements at fault, one a line: "  tet 17 at (0.25, 0.5, 1)".
+elements() {
+    members "$1" | awk '
+        function flush() {
+            if (kind != "" && shown++ < 10) print "  " kind " " id (at != "" ? " at (" at ")" : "")
+            kind = id = at = ""
+        }
+        { word = $0 }
+        word == "\"elements\":" { listed = depth + 1; next }
+        /^[{\[]$/ { depth++; next }
+        /^[}\]]$/ { if (listed && depth == listed + 1) flush(); if (depth == listed) listed = 0; depth--; next }
+        /^,$/ { next }
+        listed && index(word, "\"kind\":") == 1 { kind = word; gsub(/"kind":|"/, "", kind); next }
+        listed && index(word, "\"id\":") == 1 { id = substr(word, 6); next }
+        listed && depth == listed + 2 { at = at (at == "" ? "" : ", ") word }'
+}
+
+# ---- commands ----
+
+check_id() {
+    case $1 in
+    '' | *[!0-9A-Za-z_-]*) mistake "'$1' is not a job id" ;;
+    esac
+}
+
+submit() {
+    [ -r "$1" ] || {
+        error "$1 cannot be read"
+        exit 5
+    }
+    hash=$(sha256sum <"$1") || exit 5
+    hash=${hash%% *}
+    request HEAD "/v1/blobs/$hash" || silent
+    if [ "$status" = 404 ]; then
+        request PUT "/v1/blobs/$hash" -T "$1" -H 'Content-Type: application/octet-stream' || silent
+    fi
+    case $status in
+    2??) ;;
+    *) complain "$work/body" '' '' ;;
+    esac
+    options=
+    [ -z "$complex" ] || options="\"complex\": $(quoted "$complex")"
+    [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
+    printf '{"input": "%s", "name": %s, "options": {%s}}' "$hash" "$(quoted "${name:-$(basename "$1")}")" "$options" \
+        >"$work/request"
+    request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/request" || silent
+    [ "$status" = 201 ] || complain "$work/body" '' ''
+    id=$(value "$work/body" id 1)
+    check_id "$id"
+    printf '%s\n' "$id"
+    note "job $id is at $server/v1/jobs/$id"
+    if [ $wait = yes ] || [ -n "$out" ]; then watch "$id"; fi
+    if [ -n "$out" ]; then fetch "$id"; fi
+}
+
+# A daemon that is restarted meanwhile is waited for, half a minute.
+watch() {
+    silence=60 # one that never answered is not
+    shown=
+    while :; do
+        if request GET "/v1/jobs/$1"; then
+            silence=0
+            [ "$status" = 200 ] || complain "$work/body" '' ''
+            state=$(value "$work/body" state 1)
+            now=$state
+            [ "$state" != running ] || now="$state $(value "$work/body" stage 1)"
+            [ "$now" = "$shown" ] || note "$now"
+            shown=$now
+            case $state in
+            queued | running) ;;
+            successful) return ;;
+            failed) complain "$work/body" failure "job $1: " ;;
+            dismissed)
+                error "job $1 was cancelled"
+                exit 4
+                ;;
+            *)
+                error "job $1 is in a state this program does not know: $state"
+                exit 5
+                ;;
+            esac
+        else
+            silence=$((silence + 1))
+            [ $silence -lt 60 ] || silent
+        fi
+        sleep 0.5 2>/dev/null || sleep 1
+    done
+}
+
+# Every entry of the manifest on standard input as a line NAME BYTES SHA256.
+manifest() {
+    members "$1" | awk '
+        function text(line) { sub(/^"[a-z0-9_]*":/, "", line); gsub(/"/, "", line); return line }
+        /^"name":/ { name = text($0) }
+        /^"bytes":/ { bytes = text($0) }
+        /^"sha256":/ { sum = text($0) }
+        /^}$/ { if (name != "") print name, bytes, sum; name = bytes = sum = "" }'
+}
+
+fetch_one() {
+    case $1 in
+    '' | .* | */* | *[!0-9A-Za-z._-]*)
+        error "the list of results has a name this program does not accept"
+        exit 5
+        ;;
+    esac
+    part=$out/.$1.part
+    status=$(curl -sS --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$part" -w '%{http_code}' \
+        "$server/v1/jobs/$id/results/$1" 2>"$work/curl")
+    case $status in
+    200) ;;
+    [345][0-9][0-9])
+        mv "$part" "$work/body"
+        complain "$work/body" '' ''
+        ;;
+    *)
+        rm -f "$part"
+        silent
+        ;;
+    esac
+    sum=$(sha256sum <"$part")
+    if [ "${sum%% *}" != "$3" ]; then
+        rm -f "$part"
+        error "$1 arrived damaged: its SHA-256 is not the one announced"
+        exit 5
+    fi
+    mv "$part" "$out/$1" || exit 5
+    note "  $1  $2 bytes"
+}
+
+fetch() {
+    id=$1
+    [ -n "$out" ] || mistake "fetch needs --out DIR"
+    request GET "/v1/jobs/$id/results" || silent
+    [ "$status" = 200 ] || complain "$work/body" '' ''
+    manifest "$work/body" >"$work/manifest"
+    mkdir -p "$out" || exit 5
+    note "$out/"
+    while read -r file bytes sum; do
+        fetch_one "$file" "$bytes" "$sum"
+    done <"$work/manifest"
+}
+
+cancel() {
+    request POST "/v1/jobs/$1/cancel" -d '' || silent
+    [ "$status" = 200 ] || complain "$work/body" '' ''
+    state=$(value "$work/body" state 1)
+    [ "$(value "$work/body" cancelling 1)" != true ] || state=cancelling
+    printf '%s %s\n' "$1" "$state"
+}
+
+list() {
+    cursor=
+    while :; do
+        request GET "/v1/jobs?limit=200$cursor" || silent
+        [ "$status" = 200 ] || complain "$work/body" '' ''
+        # Members of the objects in "jobs" stand at depth 3; deeper ones (options, attempts, failure) do not matter.
+        members "$work/body" | awk '
+            function text(line) { sub(/^"[a-z]*":/, "", line); return substr(line, 2, length(line) - 2) }
+            /^[{\[]$/ { depth++; next }
+            /^[}\]]$/ { if (depth == 3 && id != "") { print id "  " state "  " name; id = state = name = "" } depth--; next }
+            depth == 3 && /^"id":/ { id = text($0) }
+            depth == 3 && /^"state":/ { state = text($0) }
+            depth == 3 && /^"name":/ { name = text($0) }' | plain
+        next=$(value "$work/body" next 1)
+        case $next in
+        '') return ;;
+        *[!0-9A-Za-z._~-]*)
+            error "the daemon gave a cursor this program does not accept"
+            exit 5
+            ;;
+        esac
+        cursor="&cursor=$next"
+    done
+}
+
+# show PATH: prints what the daemon answers there.
+show() {
+    request GET "$1" || silent
+    [ "$status" = 200 ] || complain "$work/body" '' ''
+    tr -d '\000-\010\013-\037\177' <"$work/body"
+}
+
+# ---- command line ----
+
+server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
+quiet=no
+wait=no
+out=
+complex=
+until=
+name=
+command=
+operand=
+while [ $# -gt 0 ]; do
+    case $1 in
+    -h | --help)
+        usage
+        exit 0
+        ;;
+    --quiet | -q) quiet=yes ;;
+    --wait | -w) wait=yes ;;
+    --server | --out | -o | --complex | --until | --name)
+        [ $# -ge 2 ] || mistake "$1 needs a value"
+        case $1 in
+        --server) server=$2 ;;
+        --out | -o) out=$2 ;;
+        --complex) complex=$2 ;;
+        --until) until=$2 ;;
+        --name) name=$2 ;;
+        esac
+        shift
+        ;;
+    -?*) mistake "unknown option '$1'" ;;
+    *)
+        if [ -z "$command" ]; then command=$1
+        elif [ -z "$operand" ]; then operand=$1
+        else mistake "'$1' is one word too many"
+        fi
+        ;;
+    esac
+    shift
+done
+server=${server%/}
+
+for need in curl sha256sum awk sed; do
+    command -v $need >/dev/null 2>&1 || {
+        error "$need is needed and is not installed"
+        exit 5
+    }
+done
+work=$(mktemp -d "${TMPDIR:-/tmp}/blockwright.XXXXXX") || exit 5
+trap 'rm -rf "$work"' EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+: >"$work/body"
+
+case $command in
+'') mistake "which command?" ;;
+ls) [ -z "$operand" ] || mistake "ls takes no operand" ;;
+submit) [ -n "$operand" ] || mistake "submit needs a FILE" ;;
+watch | fetch | cancel | log | report) check_id "$operand" ;;
+*) mistake "there is no command '$command'" ;;
+esac
+case $command in
+submit) submit "$operand" ;;
+watch)
+    watch "$operand"
+    printf '%s successful\n' "$operand"
+    ;;
+fetch) fetch "$operand" ;;
+cancel) cancel "$operand" ;;
+ls) list ;;
+log) show "/v1/jobs/$operand/log" ;;
+report) show "/v1/jobs/$operand/report" ;;
+esac
