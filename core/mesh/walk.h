@@ -1,0 +1,28 @@
+/* Walking around the edges of a cell complex. */
+#ifndef BW_MESH_WALK_H
+#define BW_MESH_WALK_H
+
+#include "mesh/cells.h"
+
+/* The other polygon of `cell` at an edge of its polygon `from`. Exists and is unique. */
+bw_polygon bw_walk_other(const bw_cells *cells, bw_cedge edge, bw_cell cell, bw_polygon from);
+
+/* Side of a polygon with respect to a plane through its edge `edge` (chart of `tet`): the sign of its interior; 0 if it lies in the plane. */
+int bw_walk_side(const bw_cells *cells, bw_polygon polygon, bw_cedge edge, bw_tet tet, bw_plane plane);
+
+/* What continues a polygon straight across one of its edges. */
+typedef struct {
+    bw_polygon polygon; /* the continuation, or BW_NONE: then `cell` has to be cut by `plane` to get it */
+    bw_cell cell;       /* the cell in which the walk ended, and the plane in its tet's chart */
+    bw_plane plane;
+    bw_transition chart; /* from the chart of the first cell walked through to that of `cell` */
+} bw_continuation;
+
+/* Finds the continuation of an aligned polygon `from` across a regular interior edge, walking from its cell[0]. Returns false if
+ * the walk ends at the boundary. */
+bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_continuation *out);
+
+/* The leaf that holds edge `leaf` among the descendants of polygon p; BW_NONE if there is none. */
+bw_polygon bw_walk_descendant(const bw_cells *cells, bw_polygon p, bw_cedge leaf);
+
+#endif
