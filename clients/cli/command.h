@@ -31,7 +31,7 @@ struct cli_command {
     int (*run)(const cli_command *self, int argc, char **argv);
 };
 
-extern const cli_command cli_command_run, cli_command_sample;
+extern const cli_command cli_command_run, cli_command_sample, cli_command_show;
 extern const cli_command cli_command_submit, cli_command_watch, cli_command_fetch;
 extern const cli_command cli_command_cancel, cli_command_ls, cli_command_log;
 

@@ -20,7 +20,7 @@ static const cli_option options[] = {
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "FILE", "where to write it (default NAME.hexex; - is standard output)",
      0, 0},
     {"size", 0, CLI_INTEGER, offsetof(settings, size), "N", "grid cells along the shortest side of a block", 1, 64},
-    {"count", 0, CLI_INTEGER, offsetof(settings, count), "N", "number of holes, where a sample has several", 1, 16},
+    {"count", 0, CLI_INTEGER, offsetof(settings, count), "N", "number of holes, where a sample has several (0: as listed)", 0, 16},
     {"stretch", 0, CLI_NUMBER, offsetof(settings, stretch), "X", "how unlike the lengths in the map become", 0.01, 100},
     {"noise", 0, CLI_NUMBER, offsetof(settings, noise), "X", "0..1: moves vertices off their regular places", 0, 1},
     {"perturb", 0, CLI_NUMBER, offsetof(settings, perturb), "X",
@@ -108,7 +108,8 @@ const cli_command cli_command_sample = {
              "With --perturb the map is no longer exactly seamless, as real ones are not; 'blockwright run' then has\n"
              "something to sanitize. With --scramble neighbouring tets speak of the same place in different charts.",
     .examples = "  blockwright sample --list\n"
-                "  blockwright sample plate -o part.hexex --size 4\n"
+                "  blockwright sample part -o part.hexex --noise 0.5 --perturb 1e-6\n"
+                "  blockwright sample plate --count 6 --size 4\n"
                 "  blockwright sample ball --noise 0.5 --perturb 0.001 --scramble tets --seed 7",
     .options = options,
     .option_count = sizeof options / sizeof *options,

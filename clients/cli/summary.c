@@ -20,18 +20,26 @@ static void count_line(const json_t *object, const char *const *keys, const char
     putchar('\n');
 }
 
+/* One line per state of the complex; "raw" is as traced. */
 static void complexes(const json_t *all) {
-    static const char *const keys[] = {"blocks", "patches", "arcs", "t_arcs", "nodes"};
-    static const char *const words[] = {"blocks", "patches", "arcs", "T-arcs", "nodes"};
+    static const char *const keys[] = {"blocks", "patches", "arcs", "t_arcs", "nodes", "torus_splits"};
+    static const char *const words[] = {"blocks", "patches", "arcs", "T-arcs", "nodes", "tori split"};
+    const char *kind = json_string_value(json_object_get(all, "kind"));
     const char *name;
     json_t *one;
     json_object_foreach((json_t *)all, name, one) {
-        if (!json_is_integer(json_object_get(one, "blocks"))) continue;
-        char label[32];
-        snprintf(label, sizeof label, "complex %s", name);
+        if (!json_is_object(one)) continue;
+        char label[64];
+        snprintf(label, sizeof label, "%s, %s", kind ? kind : "complex", name);
         printf("%-13s ", label);
         count_line(one, keys, words, sizeof keys / sizeof *keys);
     }
+}
+
+static void range_line(const char *label, const json_t *range, const char *what) {
+    if (!json_is_object(range)) return;
+    printf("%-13s %.4g to %.4g, median %.4g (%s)\n", label, json_number_value(json_object_get(range, "min")),
+           json_number_value(json_object_get(range, "max")), json_number_value(json_object_get(range, "median")), what);
 }
 
 static void stages(const json_t *list) {
@@ -59,6 +67,10 @@ void cli_summary_print(const json_t *report) {
     if (json_is_number(displacement))
         printf("%-13s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
     complexes(json_object_get(report, "complex"));
+    const json_t *quality = json_object_get(report, "quality");
+    range_line("block extent", json_object_get(quality, "block_extent"), "in the map");
+    range_line("block aspect", json_object_get(quality, "block_aspect"), "longest over shortest extent");
+    range_line("block volume", json_object_get(quality, "block_volume"), "in space");
     stages(json_object_get(report, "stages"));
 }
 

@@ -1,0 +1,242 @@
+/* The C client and the sh client against a real daemon: what they bring home is what a local run makes, byte for byte. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clients/daemon.h"
+
+enum { WORDS = 12, ID_MAX = 65 };
+
+static daemon_here here;
+static const char *part; /* the input all tests use */
+
+/* Files whose bytes must not depend on where a job ran (report.json holds times). */
+static const char *const results[] = {"traced.hexex", "blocks.json", "view.drc"};
+
+typedef enum { C_CLIENT, SH_CLIENT, CLIENTS } client;
+static const char *const client_name[] = {"C", "sh"};
+
+/* A call of one of the clients with `--server` of the daemon here. */
+static kit_result call(client which, const char *const words[]) {
+    const char *argv[WORDS + 6] = {0};
+    int n = 0;
+    if (which == SH_CLIENT) argv[n++] = "sh";
+    argv[n++] = which == SH_CLIENT ? BW_SOURCE_DIR "/clients/sh/blockwright.sh" : kit_program("blockwright");
+    for (int i = 0; i < WORDS && words[i]; i++) argv[n++] = words[i];
+    argv[n++] = "--server";
+    argv[n++] = here.url;
+    return kit_run(argv);
+}
+
+static kit_result call_well(client which, const char *const words[]) {
+    kit_result r = call(which, words);
+    if (r.exit != 0) fail_msg("%s client, %s: exit %d\n%s", client_name[which], words[0], r.exit, r.err);
+    return r;
+}
+
+/* Takes the job id that a submission printed. */
+static void take_id(kit_result *r, char id[ID_MAX]) {
+    size_t n = strcspn(r->out, "\n");
+    if (n == 0 || n >= ID_MAX || r->out[n] != '\n' || r->out[n + 1]) fail_msg("not one job id: '%s'", r->out);
+    snprintf(id, ID_MAX, "%.*s", (int)n, r->out);
+    kit_result_clear(r);
+}
+
+static void submit(client which, const char *file, char id[ID_MAX]) {
+    kit_result r = call_well(which, (const char *[]){"submit", file, "--quiet", NULL});
+    take_id(&r, id);
+}
+
+static void watch(client which, const char *id) {
+    char line[ID_MAX + 16];
+    kit_result r = call_well(which, (const char *[]){"watch", id, NULL});
+    snprintf(line, sizeof line, "%s successful\n", id);
+    assert_string_equal(r.out, line);
+    kit_result_clear(&r);
+}
+
+static void run_here(const char *complex, const char *threads, const char *out) {
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", part, "--complex", complex, "--threads",
+                                            threads, "--out", out, NULL});
+    if (r.exit != 0) fail_msg("local run: exit %d\n%s", r.exit, r.err);
+    kit_result_clear(&r);
+}
+
+static void expect_same_results(const char *a, const char *b) {
+    for (size_t i = 0; i < sizeof results / sizeof *results; i++) {
+        char path_a[600], path_b[600];
+        size_t size_a, size_b;
+        snprintf(path_a, sizeof path_a, "%s/%s", a, results[i]);
+        snprintf(path_b, sizeof path_b, "%s/%s", b, results[i]);
+        char *bytes_a = kit_read_file(path_a, &size_a), *bytes_b = kit_read_file(path_b, &size_b);
+        if (size_a != size_b || memcmp(bytes_a, bytes_b, size_a) != 0) fail_msg("%s and %s differ", path_a, path_b);
+        free(bytes_a);
+        free(bytes_b);
+    }
+}
+
+static void both_clients_bring_home_what_a_local_run_makes(void **state) {
+    (void)state;
+    run_here("mc", "1", kit_temp_path("local"));
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX];
+        const char *out = kit_temp_path("%s-out", client_name[c]);
+        submit(c, part, id);
+        watch(c, id);
+        kit_result r = call_well(c, (const char *[]){"fetch", id, "--out", out, NULL});
+        kit_result_clear(&r);
+        expect_same_results(kit_temp_path("local"), out);
+        assert_true(kit_exists(kit_temp_path("%s-out/report.json", client_name[c])));
+    }
+}
+
+static void the_number_of_threads_changes_nothing(void **state) {
+    (void)state;
+    run_here("mc", "1", kit_temp_path("one"));
+    run_here("mc", "2", kit_temp_path("two"));
+    expect_same_results(kit_temp_path("one"), kit_temp_path("two"));
+}
+
+static void options_reach_the_job(void **state) {
+    (void)state;
+    run_here("bc", "1", kit_temp_path("local-bc"));
+    for (client c = 0; c < CLIENTS; c++) {
+        const char *out = kit_temp_path("%s-bc", client_name[c]);
+        kit_result r = call_well(c, (const char *[]){"submit", part, "--complex", "bc", "--out", out, "--quiet", NULL});
+        kit_result_clear(&r);
+        expect_same_results(kit_temp_path("local-bc"), out);
+    }
+}
+
+static void a_job_that_stops_early_has_nothing_to_fetch(void **state) {
+    (void)state;
+    for (client c = 0; c < CLIENTS; c++) {
+        const char *out = kit_temp_path("%s-early", client_name[c]);
+        kit_result r =
+            call_well(c, (const char *[]){"submit", part, "--until", "sanitize", "--out", out, "--quiet", NULL});
+        kit_result_clear(&r);
+        assert_false(kit_exists(kit_temp_path("%s-early/traced.hexex", client_name[c])));
+    }
+}
+
+static void an_option_the_daemon_refuses_is_exit_2(void **state) {
+    (void)state;
+    kit_result r = call(SH_CLIENT, (const char *[]){"submit", part, "--complex", "cm", NULL});
+    assert_int_equal(r.exit, 2);
+    assert_non_null(strstr(r.err, "complex"));
+    kit_result_clear(&r);
+}
+
+static void names_survive_quotes_braces_and_backslashes(void **state) {
+    (void)state;
+    const char *name = "a \"quoted\", {braced} [one] \\ back: \xc3\xa9";
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX], line[300];
+        kit_result r = call_well(c, (const char *[]){"submit", part, "--name", name, "--wait", "--quiet", NULL});
+        take_id(&r, id);
+        for (client lister = 0; lister < CLIENTS; lister++) {
+            r = call_well(lister, (const char *[]){"ls", NULL});
+            char *at = strstr(r.out, id);
+            snprintf(line, sizeof line, "%.*s", at ? (int)strcspn(at, "\n") : 0, at ? at : "");
+            if (!at || !strstr(line, "successful") || !strstr(line, name))
+                fail_msg("%s client lists '%s'\n%s", client_name[lister], line, r.out);
+            kit_result_clear(&r);
+        }
+    }
+}
+
+static void a_job_that_is_not_there_is_exit_3(void **state) {
+    (void)state;
+    const char *id = "0123456789abcdef01234567";
+    const char *const calls[][5] = {{"watch", id, NULL},
+                                    {"fetch", id, "--out", NULL},
+                                    {"cancel", id, NULL},
+                                    {"log", id, NULL}};
+    for (client c = 0; c < CLIENTS; c++) {
+        for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
+            const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL, NULL};
+            kit_result r = call(c, words);
+            if (r.exit != 3 || !strstr(r.err, "[no-such-job]"))
+                fail_msg("%s client, %s: exit %d\n%s", client_name[c], words[0], r.exit, r.err);
+            kit_result_clear(&r);
+        }
+    }
+}
+
+/* Whether the job is caught in the queue or has ended already is a matter of luck; what is said must fit. */
+static void a_cancelled_job_is_exit_4(void **state) {
+    (void)state;
+    const char *big = kit_temp_path("big.hexex");
+    kit_result r = kit_run(
+        (const char *[]){kit_program("blockwright"), "sample", "cuboid", "--size", "16", "--noise", "0.5", "-o", big, NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX];
+        r = call_well(c, (const char *[]){"submit", big, c == C_CLIENT ? "--complex=mc" : "--quiet", "--quiet", NULL});
+        take_id(&r, id);
+        r = call(c, (const char *[]){"cancel", id, NULL});
+        bool late = r.exit == 3 && strstr(r.err, "[job-finished]");
+        if (!late && r.exit != 0) fail_msg("%s client, cancel: exit %d\n%s", client_name[c], r.exit, r.err);
+        kit_result_clear(&r);
+        r = call(c, (const char *[]){"watch", id, NULL});
+        if (r.exit != (late ? 0 : 4))
+            fail_msg("%s client: cancelled %s, yet watch ends with %d\n%s", client_name[c], late ? "late" : "in time",
+                     r.exit, r.err);
+        kit_result_clear(&r);
+    }
+}
+
+static void the_log_is_there(void **state) {
+    (void)state;
+    char id[ID_MAX];
+    submit(C_CLIENT, part, id);
+    watch(C_CLIENT, id);
+    kit_result c = call_well(C_CLIENT, (const char *[]){"log", id, NULL});
+    kit_result sh = call_well(SH_CLIENT, (const char *[]){"log", id, NULL});
+    assert_string_equal(c.out, sh.out);
+    kit_result_clear(&c);
+    kit_result_clear(&sh);
+}
+
+static void a_job_outlives_a_kill_of_its_daemon(void **state) {
+    (void)state;
+    char id[ID_MAX];
+    submit(C_CLIENT, part, id);
+    daemon_kill(&here);
+    daemon_start(&here);
+    watch(C_CLIENT, id);
+    watch(SH_CLIENT, id);
+}
+
+static int start(void **state) {
+    (void)state;
+    part = kit_temp_path("part.hexex");
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "--noise", "0.5", "--perturb",
+                                            "1e-6", "--scramble", "cells", "-o", part, NULL});
+    if (r.exit != 0) fail_msg("sample: exit %d\n%s", r.exit, r.err);
+    kit_result_clear(&r);
+    daemon_start(&here);
+    return 0;
+}
+
+static int stop(void **state) {
+    (void)state;
+    return daemon_stop(&here);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(both_clients_bring_home_what_a_local_run_makes),
+        cmocka_unit_test(the_number_of_threads_changes_nothing),
+        cmocka_unit_test(options_reach_the_job),
+        cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
+        cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),
+        cmocka_unit_test(names_survive_quotes_braces_and_backslashes),
+        cmocka_unit_test(a_job_that_is_not_there_is_exit_3),
+        cmocka_unit_test(a_cancelled_job_is_exit_4),
+        cmocka_unit_test(the_log_is_there),
+        cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),
+    };
+    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
+}
