@@ -1,0 +1,65 @@
+/* The sections of the report that follow from the data of a stage alone. */
+#include <stdio.h>
+
+#include "format/report_json.h"
+
+void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh) {
+    report->has_input = true;
+    report->input.vertices = mesh->vertex_count;
+    report->input.tets = mesh->tet_count;
+    report->input.facets = mesh->facet_count;
+    report->input.edges = mesh->edge_count;
+    report->input.boundary_facets = 0;
+    for (size_t f = 0; f < mesh->facet_count; f++) report->input.boundary_facets += mesh->facet_tet[f][1] == BW_NONE;
+    report->input.feature_vertices = mesh->feature_vertex_count;
+    report->input.feature_edges = mesh->feature_edge_count;
+    report->input.feature_facets = mesh->feature_facet_count;
+    report->input.mirrored = mesh->mirrored;
+}
+
+void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh, const bw_grid_map *map) {
+    uint64_t count[2] = {0, 0};
+    for (size_t e = 0; e < mesh->edge_count; e++)
+        if (map->edge_flags[e] & BW_EDGE_SINGULAR) count[(map->edge_flags[e] & BW_EDGE_BOUNDARY) != 0]++;
+    report->input.singular_edges = count[0] + count[1];
+    report->input.singular_edges_interior = count[0];
+    report->input.singular_edges_boundary = count[1];
+}
+
+void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
+    report->has_trace = true;
+    report->trace.vertices = cells->vertex_count;
+    report->trace.cells = cells->cell_count;
+    report->trace.edges = report->trace.polygons = 0;
+    report->trace.wall_polygons = report->trace.boundary_polygons = 0;
+    for (size_t e = 0; e < cells->edge_count; e++) report->trace.edges += bw_cells_edge_is_leaf(cells, (bw_cedge)e);
+    for (size_t p = 0; p < cells->polygon_count; p++) {
+        if (!bw_cells_polygon_is_leaf(cells, (bw_polygon)p)) continue;
+        int flags = cells->polygon[p].flags;
+        report->trace.polygons++;
+        report->trace.boundary_polygons += (flags & BW_BOUNDARY) != 0;
+        report->trace.wall_polygons += (flags & BW_WALL) && !(flags & BW_BOUNDARY);
+    }
+}
+
+void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind) {
+    report->has_complex = true;
+    snprintf(report->complex.kind, sizeof report->complex.kind, "%s", kind);
+    report->complex.raw.nodes = complex->node_count;
+    report->complex.raw.arcs = complex->arc_count;
+    report->complex.raw.patches = complex->patch_count;
+    report->complex.raw.blocks = complex->block_count;
+    report->complex.raw.torus_splits = complex->torus_splits;
+    report->complex.raw.t_arcs = report->complex.raw.singular_arcs = report->complex.raw.singular_nodes = 0;
+    report->complex.raw.boundary_patches = report->complex.raw.self_adjacent_patches = 0;
+    for (size_t i = 0; i < complex->node_count; i++)
+        report->complex.raw.singular_nodes += (complex->node_flags[i] & BW_NODE_SINGULAR) != 0;
+    for (size_t i = 0; i < complex->arc_count; i++) {
+        report->complex.raw.t_arcs += (complex->arc_flags[i] & BW_ARC_T) != 0;
+        report->complex.raw.singular_arcs += (complex->arc_flags[i] & BW_ARC_SINGULAR) != 0;
+    }
+    for (size_t i = 0; i < complex->patch_count; i++) {
+        report->complex.raw.boundary_patches += (complex->patch_flags[i] & BW_PATCH_BOUNDARY) != 0;
+        report->complex.raw.self_adjacent_patches += complex->patch_block[i][0] == complex->patch_block[i][1];
+    }
+}

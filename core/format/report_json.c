@@ -1,0 +1,333 @@
+#include "format/report_json.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- the table: every field of a section, once ------------------------------------------------------------------- */
+
+typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE } field_type;
+
+typedef struct {
+    const char *section, *group, *name; /* group: an object inside the section, or NULL */
+    field_type type;
+    size_t at, size;
+} field;
+
+#define MEMBER(section, group, type, path, name)                                                                      \
+    {section, group, #name, type, offsetof(bw_report, path name), sizeof(((bw_report *)0)->path name)}
+#define INPUT(type, name) MEMBER("input", NULL, type, input., name)
+#define SANITIZE(type, name) MEMBER("sanitize", NULL, type, sanitize., name)
+#define TRACE(type, name) MEMBER("trace", NULL, type, trace., name)
+#define COMPLEX(type, name) MEMBER("complex", NULL, type, complex., name)
+#define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
+#define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
+
+static const field fields[] = {
+    INPUT(TEXT, file),
+    INPUT(COUNT, bytes),
+    INPUT(COUNT, vertices),
+    INPUT(COUNT, tets),
+    INPUT(COUNT, facets),
+    INPUT(COUNT, edges),
+    INPUT(COUNT, boundary_facets),
+    INPUT(COUNT, singular_edges),
+    INPUT(COUNT, singular_edges_interior),
+    INPUT(COUNT, singular_edges_boundary),
+    INPUT(COUNT, feature_vertices),
+    INPUT(COUNT, feature_edges),
+    INPUT(COUNT, feature_facets),
+    INPUT(FLAG, mirrored),
+    SANITIZE(FLAG, already_exact),
+    SANITIZE(NUMBER, displacement_max),
+    SANITIZE(NUMBER, residual_seamless_max),
+    SANITIZE(NUMBER, residual_alignment_max),
+    SANITIZE(COUNT, cut_facets),
+    SANITIZE(COUNT, cut_edges),
+    SANITIZE(COUNT, branches),
+    SANITIZE(COUNT, nodes),
+    SANITIZE(COUNT, cut_sheets),
+    SANITIZE(COUNT, align_sheets),
+    SANITIZE(COUNT, system_rows),
+    SANITIZE(COUNT, system_columns),
+    SANITIZE(COUNT, system_rank),
+    SANITIZE(COUNT, free_variables),
+    SANITIZE(INTEGER, grid_exponent),
+    TRACE(COUNT, vertices),
+    TRACE(COUNT, edges),
+    TRACE(COUNT, polygons),
+    TRACE(COUNT, cells),
+    TRACE(COUNT, wall_polygons),
+    TRACE(COUNT, boundary_polygons),
+    COMPLEX(TEXT, kind),
+    RAW(COUNT, nodes),
+    RAW(COUNT, arcs),
+    RAW(COUNT, patches),
+    RAW(COUNT, blocks),
+    RAW(COUNT, t_arcs),
+    RAW(COUNT, torus_splits),
+    RAW(COUNT, singular_nodes),
+    RAW(COUNT, singular_arcs),
+    RAW(COUNT, boundary_patches),
+    RAW(COUNT, self_adjacent_patches),
+    QUALITY(RANGE, block_extent),
+    QUALITY(RANGE, block_aspect),
+    QUALITY(RANGE, block_volume),
+    QUALITY(NUMBER, volume),
+    QUALITY(COUNT, traced_vertices),
+    QUALITY(COUNT, traced_tets),
+    QUALITY(COUNT, traced_walls),
+};
+
+static const struct {
+    const char *name;
+    size_t flag;
+} sections[] = {
+    {"input", offsetof(bw_report, has_input)},     {"sanitize", offsetof(bw_report, has_sanitize)},
+    {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
+    {"quality", offsetof(bw_report, has_quality)},
+};
+
+enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };
+
+/* ---- filling ----------------------------------------------------------------------------------------------------- */
+
+void bw_report_init(bw_report *report) { memset(report, 0, sizeof *report); }
+
+void bw_report_add_stage(bw_report *report, const char *name, double seconds, uint64_t peak_bytes) {
+    if (report->stage_count == BW_REPORT_STAGES) return;
+    bw_report_stage *stage = &report->stage[report->stage_count++];
+    snprintf(stage->name, sizeof stage->name, "%s", name);
+    stage->seconds = seconds;
+    stage->peak_bytes = peak_bytes;
+}
+
+void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes) {
+    size_t at = 0;
+    while (at < report->result_count && strcmp(report->result[at].name, name)) at++;
+    if (at == BW_REPORT_RESULTS) return;
+    if (at == report->result_count) report->result_count++;
+    snprintf(report->result[at].name, sizeof report->result[at].name, "%s", name);
+    report->result[at].bytes = bytes;
+}
+
+/* ---- to JSON ----------------------------------------------------------------------------------------------------- */
+
+static json_t *range_to_json(const bw_report_range *range) {
+    return json_pack("{s:f, s:f, s:f}", "min", range->min, "median", range->median, "max", range->max);
+}
+
+static json_t *field_to_json(const field *f, const bw_report *report) {
+    const void *at = (const char *)report + f->at;
+    switch (f->type) {
+    case FLAG: return json_boolean(*(const bool *)at);
+    case COUNT: return json_integer((json_int_t)*(const uint64_t *)at);
+    case INTEGER: return json_integer(*(const int64_t *)at);
+    case NUMBER: return json_real(*(const double *)at);
+    case RANGE: return range_to_json(at);
+    case TEXT: break;
+    }
+    json_t *text = json_string(at);
+    return text ? text : json_string(""); /* a file name that is not UTF-8 */
+}
+
+static json_t *section_to_json(const char *name, const bw_report *report) {
+    json_t *section = json_object();
+    for (size_t i = 0; i < FIELDS; i++) {
+        const field *f = &fields[i];
+        if (strcmp(f->section, name)) continue;
+        json_t *into = section;
+        if (f->group && !(into = json_object_get(section, f->group))) {
+            json_object_set_new(section, f->group, json_object());
+            into = json_object_get(section, f->group);
+        }
+        if (json_object_set_new(into, f->name, field_to_json(f, report))) {
+            json_decref(section);
+            return NULL;
+        }
+    }
+    return section;
+}
+
+static json_t *error_to_json(const bw_error *error) {
+    json_t *elements = json_array();
+    for (size_t i = 0; i < error->element_count && i < BW_ELEMENTS_KEPT; i++) {
+        const bw_element *e = &error->elements[i];
+        json_t *element = json_pack("{s:s, s:I}", "kind", e->kind, "id", (json_int_t)e->id);
+        if (e->has_position)
+            json_object_set_new(element, "position",
+                                json_pack("[f, f, f]", e->position[0], e->position[1], e->position[2]));
+        json_array_append_new(elements, element);
+    }
+    json_t *message = json_string(error->message);
+    return json_pack("{s:s, s:s, s:o, s:I, s:o}", "status", bw_status_code(error->status), "class",
+                     bw_class_name(bw_status_class(error->status)), "message",
+                     message ? message : json_string(bw_status_text(error->status)), "element_count",
+                     (json_int_t)error->element_count, "elements", elements);
+}
+
+char *bw_report_error_json(const bw_error *error) {
+    json_t *object = error_to_json(error);
+    char *text = object ? json_dumps(object, JSON_COMPACT) : NULL;
+    json_decref(object);
+    return text;
+}
+
+static json_t *stages_to_json(const bw_report *report) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < report->stage_count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:f, s:I}", "name", report->stage[i].name, "seconds",
+                                              report->stage[i].seconds, "peak_bytes",
+                                              (json_int_t)report->stage[i].peak_bytes));
+    return list;
+}
+
+static json_t *results_to_json(const bw_report *report) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < report->result_count; i++)
+        json_array_append_new(list, json_pack("{s:s, s:I}", "name", report->result[i].name, "bytes",
+                                              (json_int_t)report->result[i].bytes));
+    return list;
+}
+
+char *bw_report_to_json(const bw_report *report) {
+    bool failed = report->error.status != BW_OK;
+    json_t *object = json_pack("{s:s, s:i, s:s, s:s}", "format", "blockwright-report", "report_version",
+                               BW_REPORT_VERSION, "version", BW_VERSION, "status", bw_status_code(report->error.status));
+    if (!object) return NULL;
+    bool whole = !failed || !json_object_set_new(object, "error", error_to_json(&report->error));
+    for (size_t i = 0; i < SECTIONS; i++)
+        if (*((const bool *)report + sections[i].flag))
+            whole = !json_object_set_new(object, sections[i].name, section_to_json(sections[i].name, report)) && whole;
+    whole = !json_object_set_new(object, "stages", stages_to_json(report)) && whole;
+    whole = !json_object_set_new(object, "results", results_to_json(report)) && whole;
+    char *text = whole ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
+    json_decref(object);
+    size_t length = text ? strlen(text) : 0;
+    char *line = text ? realloc(text, length + 2) : NULL;
+    if (!line) {
+        free(text);
+        return NULL;
+    }
+    memcpy(line + length, "\n", 2);
+    return line;
+}
+
+bw_status bw_report_write(bw_context *ctx, const bw_report *report, const char *path) {
+    char *text = bw_report_to_json(report);
+    if (!text) return bw_fail(ctx, BW_E_MEMORY, "out of memory for the report");
+    FILE *file = fopen(path, "wb");
+    bool good = file && fputs(text, file) >= 0;
+    int error = errno;
+    if (file && fclose(file)) good = false, error = errno;
+    free(text);
+    return good ? BW_OK : bw_fail(ctx, BW_E_IO, "cannot write %s: %s", path, strerror(error));
+}
+
+/* ---- from JSON --------------------------------------------------------------------------------------------------- */
+
+static bool range_from_json(const json_t *value, bw_report_range *range) {
+    const json_t *min = json_object_get(value, "min"), *median = json_object_get(value, "median");
+    const json_t *max = json_object_get(value, "max");
+    if (!json_is_number(min) || !json_is_number(median) || !json_is_number(max)) return false;
+    *range = (bw_report_range){json_number_value(min), json_number_value(median), json_number_value(max)};
+    return true;
+}
+
+static bool field_from_json(const field *f, const json_t *value, bw_report *report) {
+    void *at = (char *)report + f->at;
+    switch (f->type) {
+    case FLAG: *(bool *)at = json_is_true(value); return json_is_boolean(value);
+    case COUNT: *(uint64_t *)at = (uint64_t)json_integer_value(value); return json_is_integer(value);
+    case INTEGER: *(int64_t *)at = json_integer_value(value); return json_is_integer(value);
+    case NUMBER: *(double *)at = json_number_value(value); return json_is_number(value);
+    case RANGE: return range_from_json(value, at);
+    case TEXT: break;
+    }
+    if (!json_is_string(value)) return false;
+    snprintf(at, f->size, "%s", json_string_value(value));
+    return true;
+}
+
+static bool section_from_json(const char *name, const json_t *section, bw_report *report) {
+    if (!json_is_object(section)) return false;
+    for (size_t i = 0; i < FIELDS; i++) {
+        const field *f = &fields[i];
+        if (strcmp(f->section, name)) continue;
+        const json_t *from = f->group ? json_object_get(section, f->group) : section;
+        if (!field_from_json(f, json_object_get(from, f->name), report)) return false;
+    }
+    return true;
+}
+
+static bool error_from_json(json_t *object, bw_error *error) {
+    const char *status, *message;
+    json_int_t count;
+    json_t *elements;
+    if (json_unpack(object, "{s:s, s:s, s:I, s:o}", "status", &status, "message", &message, "element_count", &count,
+                    "elements", &elements))
+        return false;
+    error->status = bw_status_from_code(status);
+    snprintf(error->message, sizeof error->message, "%s", message);
+    error->element_count = (size_t)count;
+    for (size_t i = 0; i < json_array_size(elements) && i < BW_ELEMENTS_KEPT; i++) {
+        bw_element *e = &error->elements[i];
+        json_int_t id;
+        const char *kind;
+        json_t *element = json_array_get(elements, i), *position = json_object_get(element, "position");
+        if (json_unpack(element, "{s:s, s:I}", "kind", &kind, "id", &id)) return false;
+        snprintf(e->kind, sizeof e->kind, "%s", kind);
+        e->id = id;
+        e->has_position = position != NULL;
+        if (position && json_unpack(position, "[F, F, F]", &e->position[0], &e->position[1], &e->position[2]))
+            return false;
+    }
+    return json_array_size(elements) == (error->element_count < BW_ELEMENTS_KEPT ? error->element_count : BW_ELEMENTS_KEPT);
+}
+
+static bool lists_from_json(const json_t *object, bw_report *report) {
+    const json_t *stages = json_object_get(object, "stages"), *results = json_object_get(object, "results");
+    if (!json_is_array(stages) || !json_is_array(results)) return false;
+    const char *name;
+    double seconds;
+    json_int_t bytes;
+    for (size_t i = 0; i < json_array_size(stages); i++) {
+        if (json_unpack(json_array_get(stages, i), "{s:s, s:F, s:I}", "name", &name, "seconds", &seconds, "peak_bytes",
+                        &bytes))
+            return false;
+        bw_report_add_stage(report, name, seconds, (uint64_t)bytes);
+    }
+    for (size_t i = 0; i < json_array_size(results); i++) {
+        if (json_unpack(json_array_get(results, i), "{s:s, s:I}", "name", &name, "bytes", &bytes)) return false;
+        bw_report_add_result(report, name, (uint64_t)bytes);
+    }
+    return true;
+}
+
+static bool report_from_json(const json_t *object, bw_report *report) {
+    const char *format = json_string_value(json_object_get(object, "format"));
+    if (!format || strcmp(format, "blockwright-report")) return false;
+    if (json_integer_value(json_object_get(object, "report_version")) != BW_REPORT_VERSION) return false;
+    json_t *error = json_object_get(object, "error");
+    if (error && !error_from_json(error, &report->error)) return false;
+    for (size_t i = 0; i < SECTIONS; i++) {
+        const json_t *section = json_object_get(object, sections[i].name);
+        if (!section) continue;
+        if (!section_from_json(sections[i].name, section, report)) return false;
+        *((bool *)report + sections[i].flag) = true;
+    }
+    return lists_from_json(object, report);
+}
+
+bw_status bw_report_from_json(bw_context *ctx, const char *json, size_t length, bw_report *report) {
+    bw_report_init(report);
+    json_error_t where;
+    json_t *object = json_loadb(json, length, JSON_REJECT_DUPLICATES, &where);
+    bool good = object && report_from_json(object, report);
+    json_decref(object);
+    if (good) return BW_OK;
+    bw_report_init(report);
+    return bw_fail(ctx, BW_E_VERSION, "the stored report is not one of version %d", BW_REPORT_VERSION);
+}
