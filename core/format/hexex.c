@@ -238,7 +238,7 @@ static bw_status read_features(reader *r, const int64_t count[3]) {
 }
 
 /* A line of counts: one for walls, three for features. */
-static bw_status read_counts(reader *r, int64_t count[3], int *n) {
+static bw_status read_counts(reader *r, bool after_walls, int64_t count[3], int *n) {
     bw_status status = BW_OK;
     for (*n = 0; *n < 3 && status == BW_OK; ++*n) {
         pass_blanks(r);
@@ -246,10 +246,10 @@ static bw_status read_counts(reader *r, int64_t count[3], int *n) {
         status = read_whole(r, &count[*n]);
     }
     if (status == BW_OK) status = end_line(r);
-    if (status == BW_OK && *n == 2)
-        status = r->lines.broken_off ? fail_here(r, BW_E_TRUNCATED, "the input ends in the middle of the feature counts")
-                                     : fail_here(r, BW_E_SYNTAX, "two counts: one number announces walls, three announce features");
-    return status;
+    if (status != BW_OK || *n == 3 || (*n == 1 && !after_walls)) return status;
+    if (r->lines.broken_off) return fail_here(r, BW_E_TRUNCATED, "the input ends in the middle of the feature counts");
+    return fail_here(r, BW_E_SYNTAX, after_walls ? "only feature counts (three numbers) may follow the walls"
+                                                 : "two counts: one number announces walls, three announce features");
 }
 
 static bw_status read_lists(reader *r) {
@@ -259,14 +259,13 @@ static bw_status read_lists(reader *r) {
     int n;
     bw_status status = next_line(r);
     if (status != BW_OK || !r->lines.text) return status;
-    if ((status = read_counts(r, count, &n)) != BW_OK) return status;
+    if ((status = read_counts(r, false, count, &n)) != BW_OK) return status;
     if (n == 1) {
         if ((status = check_count(r, &walls, count[0], bw_lines_left(&r->lines))) != BW_OK) return status;
         if ((status = read_list(r, &walls, count[0])) != BW_OK) return status;
         if ((status = next_line(r)) != BW_OK || !r->lines.text) return status;
-        if ((status = read_counts(r, count, &n)) != BW_OK) return status;
+        if ((status = read_counts(r, true, count, &n)) != BW_OK) return status;
     }
-    if (n != 3) return fail_here(r, BW_E_SYNTAX, "only feature counts (three numbers) may follow the walls");
     if ((status = read_features(r, count)) != BW_OK) return status;
     if ((status = next_line(r)) != BW_OK || !r->lines.text) return status;
     return fail_here(r, BW_E_SYNTAX, "there is more text after the last list");
