@@ -95,7 +95,7 @@ if [ -z "$part" ]; then
     step "A part"
     part=$here/part.hexex
     # Vertices off the grid, charts at random, errors in the map as real ones have them.
-    "$bin/blockwright" sample part --size 3 --noise 0.5 --scramble blocks --perturb 1e-6 -o "$part"
+    "$bin/blockwright" sample part --size 2 --noise 0.5 --scramble blocks --perturb 1e-6 -o "$part"
 fi
 
 step "The daemon"

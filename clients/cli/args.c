@@ -61,8 +61,10 @@ static bool unknown_option(const cli_command *command, const char *given, size_t
     for (size_t i = 0; i < command->option_count && count < OPTIONS_MAX; i++)
         names[count++] = command->options[i].name;
     const char *near = cli_nearest(word, names, count);
-    if (near) cli_usage_error(command, "unknown option '--%s'; did you mean '--%s'?", word, near);
-    else cli_usage_error(command, "unknown option '--%s'", word);
+    if (near)
+        cli_usage_error(command, "unknown option '--%s'; did you mean '--%s'?", word, near);
+    else
+        cli_usage_error(command, "unknown option '--%s'", word);
     return false;
 }
 
@@ -71,7 +73,8 @@ static bool read_integer(const cli_command *command, const cli_option *o, const 
     errno = 0;
     long long v = strtoll(text, &end, 10);
     if (end == text || *end || errno || (double)v < o->low || (double)v > o->high) {
-        cli_usage_error(command, "--%s takes a whole number from %.0f to %.0f, not '%s'", o->name, o->low, o->high, text);
+        cli_usage_error(command, "--%s takes a whole number from %.0f to %.0f, not '%s'", o->name, o->low,
+                        o->high, text);
         return false;
     }
     *value = v;
@@ -82,7 +85,8 @@ static bool read_number(const cli_command *command, const cli_option *o, const c
     char *end;
     double v = strtod(text, &end);
     if (end == text || *end || !isfinite(v) || v < o->low || v > o->high) {
-        cli_usage_error(command, "--%s takes a number from %g to %g, not '%s'", o->name, o->low, o->high, text);
+        cli_usage_error(command, "--%s takes a number from %g to %g, not '%s'", o->name, o->low, o->high,
+                        text);
         return false;
     }
     *value = v;
@@ -109,7 +113,8 @@ static bool read_bytes(const cli_command *command, const cli_option *o, const ch
     return true;
 }
 
-static bool read_choice(const cli_command *command, const cli_option *o, const char *text, const char **value) {
+static bool read_choice(const cli_command *command, const cli_option *o, const char *text,
+                        const char **value) {
     size_t length = strlen(text);
     for (const char *word = o->value; word; word = strchr(word, '|')) {
         if (*word == '|') word++;
@@ -125,12 +130,20 @@ static bool read_choice(const cli_command *command, const cli_option *o, const c
 static bool read_value(const cli_command *command, const cli_option *o, const char *text, void *settings) {
     void *field = (char *)settings + o->offset;
     switch (o->kind) {
-    case CLI_FLAG: *(bool *)field = true; return true;
-    case CLI_TEXT: *(const char **)field = text; return true;
-    case CLI_INTEGER: return read_integer(command, o, text, field);
-    case CLI_NUMBER: return read_number(command, o, text, field);
-    case CLI_BYTES: return read_bytes(command, o, text, field);
-    case CLI_CHOICE: return read_choice(command, o, text, field);
+    case CLI_FLAG:
+        *(bool *)field = true;
+        return true;
+    case CLI_TEXT:
+        *(const char **)field = text;
+        return true;
+    case CLI_INTEGER:
+        return read_integer(command, o, text, field);
+    case CLI_NUMBER:
+        return read_number(command, o, text, field);
+    case CLI_BYTES:
+        return read_bytes(command, o, text, field);
+    case CLI_CHOICE:
+        return read_choice(command, o, text, field);
     }
     return false;
 }
@@ -165,14 +178,15 @@ static bool read_option(const cli_command *command, int argc, char **argv, int *
     if (o->kind == CLI_FLAG) {
         if (text) return cli_usage_error(command, "--%s takes no value", o->name), false;
     } else if (!text) {
-        if (*at + 1 >= argc) return cli_usage_error(command, "--%s needs a value: %s", o->name, o->value), false;
+        if (*at + 1 >= argc)
+            return cli_usage_error(command, "--%s needs a value: %s", o->name, o->value), false;
         text = argv[++*at];
     }
     return read_value(command, o, text, settings);
 }
 
-bool cli_parse(const cli_command *command, int argc, char **argv, void *settings, cli_operands *operands, int low,
-               int high) {
+bool cli_parse(const cli_command *command, int argc, char **argv, void *settings, cli_operands *operands,
+               int low, int high) {
     bool only_operands = false;
     operands->count = 0;
     for (int i = 0; i < argc; i++) {

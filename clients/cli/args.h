@@ -1,7 +1,8 @@
 /* Command lines: options declared in tables, parsed into a settings struct, explained from the same table.
  *
- * Understood: --name VALUE, --name=VALUE, -x VALUE, -xVALUE, --flag, -- (the rest are operands), operands anywhere.
- * An unknown option is an error that names the nearest known one; so is a value that is missing or out of range.
+ * Understood: --name VALUE, --name=VALUE, -x VALUE, -xVALUE, --flag, -- (the rest are operands), operands
+ * anywhere. An unknown option is an error that names the nearest known one; so is a value that is missing or
+ * out of range.
  */
 #ifndef BW_CLI_ARGS_H
 #define BW_CLI_ARGS_H
@@ -38,15 +39,17 @@ typedef struct {
     int count;
 } cli_operands;
 
-/* Fills `settings` (a struct holding the defaults) and `operands`; requires low..high operands. On false the error and a
- * hint are on standard error and the command is to end with CLI_USAGE. */
-bool cli_parse(const cli_command *command, int argc, char **argv, void *settings, cli_operands *operands, int low,
-               int high);
+/* Fills `settings` (a struct holding the defaults) and `operands`; requires low..high operands. On false the
+ * error and a hint are on standard error and the command is to end with CLI_USAGE. */
+bool cli_parse(const cli_command *command, int argc, char **argv, void *settings, cli_operands *operands,
+               int low, int high);
 /* Complains about the command line in the form of cli_parse's own errors and returns CLI_USAGE. */
-int cli_usage_error(const cli_command *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
+int cli_usage_error(const cli_command *command, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
 /* Prints a command's help on standard output. */
 void cli_command_help(const cli_command *command);
-/* The word of `words` (n of them) nearest to `word` in edit distance, or NULL if none is near enough to suggest. */
+/* The word of `words` (n of them) nearest to `word` in edit distance, or NULL if none is near enough to
+ * suggest. */
 const char *cli_nearest(const char *word, const char *const *words, size_t n);
 
 #endif

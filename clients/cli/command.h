@@ -1,9 +1,11 @@
 /* What a subcommand of `blockwright` is: a name, its help, its options and the function that carries it out.
  *
- * One file per subcommand (run.c, sample.c, submit.c, ...), each defining one cli_command; main.c lists them all.
- * To add one: write its file, declare it below, add it to the table in main.c, describe it in tests/clients.
+ * One file per subcommand (run.c, sample.c, submit.c, ...), each defining one cli_command; main.c lists them
+ * all. To add one: write its file, declare it below, add it to the table in main.c, describe it in
+ * tests/clients.
  *
- * Results go to standard output; progress, notes and errors go to standard error. A command that failed has said why.
+ * Results go to standard output; progress, notes and errors go to standard error. A command that failed has
+ * said why.
  */
 #ifndef BW_CLI_COMMAND_H
 #define BW_CLI_COMMAND_H

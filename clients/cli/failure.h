@@ -24,9 +24,9 @@ void cli_failure_print(const char *subject, const cli_failure *failure);
 /* Call once per known element; the first ten are shown. `position` may be NULL. */
 void cli_failure_element(cli_failure *failure, const char *kind, int64_t id, const double *position);
 void cli_failure_end(const cli_failure *failure);
-/* Prints a problem document (RFC 9457: type "/problems/<code>", title, detail, class, elements) whole and returns the exit
- * code for it: of its code if core knows it, else of its class, else of the HTTP status `http` (400: usage, 413 and 429:
- * limit, other 4xx: input, the rest: internal). */
+/* Prints a problem document (RFC 9457: type "/problems/<code>", title, detail, class, elements) whole and
+ * returns the exit code for it: of its code if core knows it, else of its class, else of the HTTP status
+ * `http` (400: usage, 413 and 429: limit, other 4xx: input, the rest: internal). */
 int cli_failure_problem(const char *subject, const json_t *problem, long http);
 
 #endif

@@ -18,7 +18,8 @@ typedef struct {
 
 static const cli_option options[] = {
     CLI_SERVER_OPTION(settings),
-    {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "folder for the results, made if missing (required)", 0, 0},
+    {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR",
+     "folder for the results, made if missing (required)", 0, 0},
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no summary, only errors", 0, 0},
 };
 
@@ -29,7 +30,9 @@ typedef struct {
 } item;
 
 /* A name that cannot leave the folder it is written to. */
-static bool name_is_plain(const char *name) { return *name && *name != '.' && !strchr(name, '/') && strlen(name) < 200; }
+static bool name_is_plain(const char *name) {
+    return *name && *name != '.' && !strchr(name, '/') && strlen(name) < 200;
+}
 
 static bool read_item(const json_t *json, item *it) {
     it->name = json_string_value(json_object_get(json, "name"));
@@ -99,7 +102,8 @@ static int fetch_all(cli_http *http, const char *id, const json_t *manifest, con
         cli_error("the list of results is not one this program understands");
         return CLI_INTERNAL;
     }
-    if (json_array_size(list) == 0) cli_error("job %s has no results: it was asked to stop before encode", id);
+    if (json_array_size(list) == 0)
+        cli_error("job %s has no results: it was asked to stop before encode", id);
     json_array_foreach(list, index, json) {
         item it;
         if (!read_item(json, &it)) {
@@ -161,9 +165,11 @@ const cli_command cli_command_fetch = {
     .name = "fetch",
     .synopsis = "ID --out DIR [options]",
     .summary = "bring the results of a job home",
-    .about = "Downloads every result of the successful job ID into DIR. Each file is checked against the SHA-256 that\n"
-             "the daemon announced and only then takes its name in DIR. Of a job that did not succeed there is\n"
-             "nothing to fetch; 'blockwright watch ID' tells why.",
+    .about =
+        "Downloads every result of the successful job ID into DIR. Each file is checked against the SHA-256 "
+        "that\n"
+        "the daemon announced and only then takes its name in DIR. Of a job that did not succeed there is\n"
+        "nothing to fetch; 'blockwright watch ID' tells why.",
     .examples = "  blockwright fetch 65f0c1...e2 --out result",
     .options = options,
     .option_count = sizeof options / sizeof *options,

@@ -45,8 +45,12 @@ void cli_http_close(cli_http *http) {
     free(http);
 }
 
-const char *cli_http_server(const cli_http *http) { return http->server; }
-const char *cli_http_error(const cli_http *http) { return http->text; }
+const char *cli_http_server(const cli_http *http) {
+    return http->server;
+}
+const char *cli_http_error(const cli_http *http) {
+    return http->text;
+}
 
 void cli_reply_clear(cli_reply *reply) {
     free(reply->body);
@@ -98,11 +102,14 @@ static void prepare(cli_http *http, const char *method, const char *path, sink *
     curl_easy_setopt(c, CURLOPT_LOW_SPEED_TIME, (long)STALL_SECONDS);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, on_body);
     curl_easy_setopt(c, CURLOPT_WRITEDATA, s);
-    if (!strcmp(method, "HEAD")) curl_easy_setopt(c, CURLOPT_NOBODY, 1L);
-    else if (strcmp(method, "GET") != 0) curl_easy_setopt(c, CURLOPT_CUSTOMREQUEST, method);
+    if (!strcmp(method, "HEAD"))
+        curl_easy_setopt(c, CURLOPT_NOBODY, 1L);
+    else if (strcmp(method, "GET") != 0)
+        curl_easy_setopt(c, CURLOPT_CUSTOMREQUEST, method);
 }
 
-/* A daemon that refuses an upload early may close before it has read everything: an answer that came is what counts. */
+/* A daemon that refuses an upload early may close before it has read everything: an answer that came is what
+ * counts. */
 static bool perform(cli_http *http, cli_reply *reply) {
     CURLcode code = curl_easy_perform(http->curl);
     curl_easy_getinfo(http->curl, CURLINFO_RESPONSE_CODE, &reply->status);
@@ -162,13 +169,17 @@ int cli_http_failed(const cli_http *http) {
 int cli_http_refused(const cli_http *http, const cli_reply *reply) {
     json_t *problem = reply->body ? json_loads(reply->body, 0, NULL) : NULL;
     int code = CLI_INTERNAL;
-    if (json_is_string(json_object_get(problem, "type"))) code = cli_failure_problem(NULL, problem, reply->status);
-    else cli_error("%s answered with HTTP status %ld, not as a Blockwright daemon does", http->server, reply->status);
+    if (json_is_string(json_object_get(problem, "type")))
+        code = cli_failure_problem(NULL, problem, reply->status);
+    else
+        cli_error("%s answered with HTTP status %ld, not as a Blockwright daemon does", http->server,
+                  reply->status);
     json_decref(problem);
     return code;
 }
 
-json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json, int *exit_code) {
+json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json,
+                      int *exit_code) {
     cli_reply reply;
     json_t *answer = NULL;
     if (!cli_http_call(http, method, path, json, &reply)) {

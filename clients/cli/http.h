@@ -1,7 +1,9 @@
-/* Requests to a daemon, over libcurl. Paths start with "/"; replies are read whole into memory, except downloads.
+/* Requests to a daemon, over libcurl. Paths start with "/"; replies are read whole into memory, except
+ * downloads.
  *
- * A reply is any HTTP answer, also an error; a call fails only if there is none (no connection, broken transfer), and then
- * cli_http_error() tells why. cli_http_json() is the convenient form: it also prints problems and turns them into exit codes.
+ * A reply is any HTTP answer, also an error; a call fails only if there is none (no connection, broken
+ * transfer), and then cli_http_error() tells why. cli_http_json() is the convenient form: it also prints
+ * problems and turns them into exit codes.
  */
 #ifndef BW_CLI_HTTP_H
 #define BW_CLI_HTTP_H
@@ -22,8 +24,8 @@ typedef struct {
     size_t size;
 } cli_reply;
 
-/* `server`: its URL, or NULL for the environment's BLOCKWRIGHT_SERVER or else http://127.0.0.1:8080. Never NULL (ends the
- * program if libcurl cannot start). */
+/* `server`: its URL, or NULL for the environment's BLOCKWRIGHT_SERVER or else http://127.0.0.1:8080. Never
+ * NULL (ends the program if libcurl cannot start). */
 cli_http *cli_http_open(const char *server);
 void cli_http_close(cli_http *http);
 const char *cli_http_server(const cli_http *http); /* without a trailing slash */
@@ -37,8 +39,8 @@ bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size,
 bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply);
 void cli_reply_clear(cli_reply *reply);
 
-/* Sends a request and parses the answer, which must have a 2xx status and be JSON. NULL otherwise: the reason is on standard
- * error and *exit_code is set. json_decref() the result. */
+/* Sends a request and parses the answer, which must have a 2xx status and be JSON. NULL otherwise: the reason
+ * is on standard error and *exit_code is set. json_decref() the result. */
 json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json, int *exit_code);
 /* Says what a reply that is not a success means; returns the exit code. */
 int cli_http_refused(const cli_http *http, const cli_reply *reply);

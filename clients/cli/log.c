@@ -9,14 +9,6 @@ typedef struct {
 
 static const cli_option options[] = {CLI_SERVER_OPTION(settings)};
 
-/* Logs quote the input, so whatever could steer a terminal is taken out. */
-static void print_log(const char *text, size_t size) {
-    for (size_t i = 0; i < size; i++) {
-        unsigned char c = (unsigned char)text[i];
-        putchar((c < 32 && c != '\n' && c != '\t') || c == 127 ? '?' : c);
-    }
-}
-
 static int run(const cli_command *self, int argc, char **argv) {
     settings s = {0};
     cli_operands operands;
@@ -30,8 +22,10 @@ static int run(const cli_command *self, int argc, char **argv) {
     if (!cli_http_call(http, "GET", path, NULL, &reply)) {
         code = cli_http_failed(http);
     } else {
-        if (reply.status == 200) print_log(reply.body, reply.size);
-        else code = cli_http_refused(http, &reply);
+        if (reply.status == 200)
+            cli_print_lines(stdout, reply.body, reply.size);
+        else
+            code = cli_http_refused(http, &reply);
         cli_reply_clear(&reply);
     }
     cli_http_close(http);

@@ -6,9 +6,8 @@
 #include "command.h"
 
 static const cli_command *const commands[] = {
-    &cli_command_run,   &cli_command_sample, &cli_command_submit, &cli_command_watch,
-    &cli_command_fetch, &cli_command_cancel, &cli_command_ls,     &cli_command_log,
-    &cli_command_show,
+    &cli_command_run,    &cli_command_sample, &cli_command_submit, &cli_command_watch, &cli_command_fetch,
+    &cli_command_cancel, &cli_command_ls,     &cli_command_log,    &cli_command_show,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 
@@ -18,15 +17,16 @@ static void print_help(FILE *stream) {
                     "Commands:\n");
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         fprintf(stream, "  %-8s %s\n", commands[i]->name, commands[i]->summary);
-    fprintf(stream,
-            "  help     explain a command\n\n"
-            "run, sample and show work in place; the others talk to a daemon (blockwrightd), whose address is\n"
-            "--server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.\n\n"
-            "Start here:\n"
-            "  blockwright sample part -o part.hexex       make a parametrized part to play with\n"
-            "  blockwright run part.hexex --out result     decompose it; see result/report.json\n"
-            "  blockwright help run                        what else 'run' can do\n\n"
-            "Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.\n");
+    fprintf(
+        stream,
+        "  help     explain a command\n\n"
+        "run, sample and show work in place; the others talk to a daemon (blockwrightd), whose address is\n"
+        "--server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.\n\n"
+        "Start here:\n"
+        "  blockwright sample part -o part.hexex       make a parametrized part to play with\n"
+        "  blockwright run part.hexex --out result     decompose it; see result/report.json\n"
+        "  blockwright help run                        what else 'run' can do\n\n"
+        "Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.\n");
 }
 
 static const cli_command *find_command(const char *name) {
@@ -75,7 +75,8 @@ static int dispatch(int argc, char **argv) {
     if (!strcmp(word, "--help") || !strcmp(word, "-h")) return help(NULL);
     if (!strcmp(word, "help")) return help(argc > 2 ? argv[2] : NULL);
     if (word[0] == '-') {
-        fprintf(stderr, "blockwright: unknown option '%s' before a command\nTry 'blockwright --help'.\n", word);
+        fprintf(stderr, "blockwright: unknown option '%s' before a command\nTry 'blockwright --help'.\n",
+                word);
         return CLI_USAGE;
     }
     const cli_command *command = find_command(word);

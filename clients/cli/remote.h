@@ -9,15 +9,17 @@
 #include "http.h"
 
 /* First member of the settings of every remote command. */
-#define CLI_SERVER_OPTION(settings)                                                                                   \
-    {"server", 's', CLI_TEXT, offsetof(settings, server), "URL",                                                      \
-     "the daemon (default $BLOCKWRIGHT_SERVER or http://127.0.0.1:8080)", 0, 0}
+#define CLI_SERVER_OPTION(settings)                                                                          \
+    {                                                                                                        \
+        "server", 's', CLI_TEXT, offsetof(settings, server), "URL",                                          \
+            "the daemon (default $BLOCKWRIGHT_SERVER or http://127.0.0.1:8080)", 0, 0                        \
+    }
 
-/* Follows a job until it has ended, showing its progress. A daemon that is restarted meanwhile is waited for (half a
- * minute). Returns the exit code of the job's end; the reason of a failure is on standard error. */
+/* Follows a job until it has ended, showing its progress. A daemon that is restarted meanwhile is waited for
+ * (half a minute). Returns the exit code of the job's end; the reason of a failure is on standard error. */
 int cli_watch(cli_http *http, const char *id, bool quiet);
-/* Downloads every result of a successful job into the folder `out` (made if missing), each verified against the manifest's
- * SHA-256 before it takes its place. Returns an exit code; errors are on standard error. */
+/* Downloads every result of a successful job into the folder `out` (made if missing), each verified against
+ * the manifest's SHA-256 before it takes its place. Returns an exit code; errors are on standard error. */
 int cli_fetch(cli_http *http, const char *id, const char *out, bool quiet);
 
 /* Is the operand a job id? If not, complains. */

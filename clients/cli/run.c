@@ -18,25 +18,29 @@ typedef struct {
 } settings;
 
 static const cli_option options[] = {
-    {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "folder for the results, made if missing (required)", 0, 0},
+    {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR",
+     "folder for the results, made if missing (required)", 0, 0},
     {"complex", 0, CLI_CHOICE, offsetof(settings, complex), "mc|bc",
      "mc: motorcycle complex (default); bc: base complex", 0, 0},
     {"until", 0, CLI_TEXT, offsetof(settings, until), "STAGE",
      "stop after this stage: sanitize, trace, build, encode (default)", 0, 0},
-    {"threads", 0, CLI_INTEGER, offsetof(settings, threads), "N", "threads to use (default 1); the result is the same", 1,
-     1024},
+    {"threads", 0, CLI_INTEGER, offsetof(settings, threads), "N",
+     "threads to use (default 1); the result is the same", 1, 1024},
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, tolerance), "X",
      "largest accepted defect of the map, relative to the edge it is on", 1e-15, 1},
-    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N", "work limit of tracing, in cells of the cut complex",
-     1, 2e9},
-    {"memory", 0, CLI_BYTES, offsetof(settings, memory), "BYTES", "memory limit, e.g. 500M or 4G (default none)", 0, 0},
-    {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress and no summary, only errors", 0, 0},
+    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N",
+     "work limit of tracing, in cells of the cut complex", 1, 2e9},
+    {"memory", 0, CLI_BYTES, offsetof(settings, memory), "BYTES",
+     "memory limit, e.g. 500M or 4G (default none)", 0, 0},
+    {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress and no summary, only errors", 0,
+     0},
     {"verbose", 'v', CLI_FLAG, offsetof(settings, verbose), NULL, "also show what the stages log", 0, 0},
 };
 
 static volatile sig_atomic_t cancelled;
 
-/* The first signal asks the job to stop at its next poll; SA_RESETHAND lets a second one end the program at once. */
+/* The first signal asks the job to stop at its next poll; SA_RESETHAND lets a second one end the program at
+ * once. */
 static void on_signal(int number) {
     (void)number;
     cancelled = 1;
@@ -51,7 +55,9 @@ static void catch_signals(void) {
     sigaction(SIGTERM, &action, NULL);
 }
 
-static void on_progress(void *user, const char *stage, double fraction) { cli_progress_show(user, stage, fraction); }
+static void on_progress(void *user, const char *stage, double fraction) {
+    cli_progress_show(user, stage, fraction);
+}
 
 static void on_log(void *user, const char *line) {
     cli_progress_clear(user);
@@ -62,7 +68,8 @@ static void on_log(void *user, const char *line) {
 static bool read_options(const cli_command *self, const settings *s, bw_options *o) {
     bw_options_defaults(o);
     if (s->until && bw_stage_from_name(s->until, &o->until) != BW_OK)
-        return cli_usage_error(self, "--until is one of sanitize, trace, build, encode, not '%s'", s->until), false;
+        return cli_usage_error(self, "--until is one of sanitize, trace, build, encode, not '%s'", s->until),
+               false;
     if (s->complex) o->complex = !strcmp(s->complex, "bc") ? BW_COMPLEX_BC : BW_COMPLEX_MC;
     if (s->tolerance > 0) o->tolerance = s->tolerance;
     if (s->max_cells > 0) o->max_cells = (uint64_t)s->max_cells;
@@ -122,10 +129,13 @@ const cli_command cli_command_run = {
     .synopsis = "INPUT --out DIR [options]",
     .summary = "decompose a part here, without a daemon",
     .about =
-        "Reads INPUT, a tet mesh with a seamless parametrization (.hexex: 12 parameters per tet, decimals or\n"
-        "rationals p/q), makes the map exactly seamless (sanitize), traces the walls of its motorcycle complex\n"
+        "Reads INPUT, a tet mesh with a seamless parametrization (.hexex: 12 parameters per tet, decimals "
+        "or\n"
+        "rationals p/q), makes the map exactly seamless (sanitize), traces the walls of its motorcycle "
+        "complex\n"
         "(trace), finds nodes, arcs, patches and blocks (build) and writes the results to DIR (encode):\n\n"
-        "  report.json    counts, displacement, seconds and peak memory per stage; the failure, if one occurred\n"
+        "  report.json    counts, displacement, seconds and peak memory per stage; the failure, if one "
+        "occurred\n"
         "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet\n"
         "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
         "  traced.hexex   the tet mesh refined along the walls, with exact parameters and the wall list\n\n"

@@ -16,18 +16,24 @@ typedef struct {
 } settings;
 
 static const cli_option options[] = {
-    {"list", 'l', CLI_FLAG, offsetof(settings, list), NULL, "list the samples and the blocks they are made of", 0, 0},
-    {"out", 'o', CLI_TEXT, offsetof(settings, out), "FILE", "where to write it (default NAME.hexex; - is standard output)",
-     0, 0},
-    {"size", 0, CLI_INTEGER, offsetof(settings, size), "N", "grid cells along the shortest side of a block", 1, 64},
-    {"count", 0, CLI_INTEGER, offsetof(settings, count), "N", "number of holes, where a sample has several (0: as listed)", 0, 16},
-    {"stretch", 0, CLI_NUMBER, offsetof(settings, stretch), "X", "how unlike the lengths in the map become", 0.01, 100},
-    {"noise", 0, CLI_NUMBER, offsetof(settings, noise), "X", "0..1: moves vertices off their regular places", 0, 1},
+    {"list", 'l', CLI_FLAG, offsetof(settings, list), NULL,
+     "list the samples and the blocks they are made of", 0, 0},
+    {"out", 'o', CLI_TEXT, offsetof(settings, out), "FILE",
+     "where to write it (default NAME.hexex; - is standard output)", 0, 0},
+    {"size", 0, CLI_INTEGER, offsetof(settings, size), "N", "grid cells along the shortest side of a block",
+     1, 64},
+    {"count", 0, CLI_INTEGER, offsetof(settings, count), "N",
+     "number of holes, where a sample has several (0: as listed)", 0, 16},
+    {"stretch", 0, CLI_NUMBER, offsetof(settings, stretch), "X", "how unlike the lengths in the map become",
+     0.01, 100},
+    {"noise", 0, CLI_NUMBER, offsetof(settings, noise), "X", "0..1: moves vertices off their regular places",
+     0, 1},
     {"perturb", 0, CLI_NUMBER, offsetof(settings, perturb), "X",
      "random errors of the parameters, relative to the shortest edge", 0, 0.02},
     {"scramble", 0, CLI_CHOICE, offsetof(settings, scramble), "none|blocks|cells|tets",
      "what gets a chart of its own, turned and moved at random", 0, 0},
-    {"features", 0, CLI_FLAG, offsetof(settings, features), NULL, "list sharp edges and corners as features", 0, 0},
+    {"features", 0, CLI_FLAG, offsetof(settings, features), NULL, "list sharp edges and corners as features",
+     0, 0},
     {"seed", 0, CLI_INTEGER, offsetof(settings, seed), "N", "seed of noise, perturb and scramble", 0, 9e15},
 };
 
@@ -68,10 +74,11 @@ static int make(const char *name, const bw_model_options *o, const char *out) {
     if (!out) out = file;
     bw_status status = bw_model_make(&ctx, name, o, &model);
     if (status == BW_OK) status = write_model(&ctx, &model, out);
-    if (status != BW_OK) cli_error("%s [%s]", ctx.error.message, bw_status_code(status));
+    if (status != BW_OK)
+        cli_error("%s [%s]", ctx.error.message, bw_status_code(status));
     else if (strcmp(out, "-") != 0)
-        fprintf(stderr, "%s: %zu vertices, %zu tets; its base complex has %d blocks\n", out, model.vertex_count,
-                model.tet_count, model.blocks_bc);
+        fprintf(stderr, "%s: %zu vertices, %zu tets; its base complex has %d blocks\n", out,
+                model.vertex_count, model.tet_count, model.blocks_bc);
     bw_model_clear(&ctx, &model);
     return bw_status_exit(status);
 }
@@ -79,12 +86,18 @@ static int make(const char *name, const bw_model_options *o, const char *out) {
 static int run(const cli_command *self, int argc, char **argv) {
     bw_model_options o;
     bw_model_options_defaults(&o);
-    settings s = {.size = o.size, .count = o.count, .seed = (int64_t)o.seed, .stretch = o.stretch, .noise = o.noise,
-                  .perturb = o.perturb, .features = o.features != 0};
+    settings s = {.size = o.size,
+                  .count = o.count,
+                  .seed = (int64_t)o.seed,
+                  .stretch = o.stretch,
+                  .noise = o.noise,
+                  .perturb = o.perturb,
+                  .features = o.features != 0};
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 0, 1)) return CLI_USAGE;
     if (s.list) return print_list();
-    if (operands.count == 0) return cli_usage_error(self, "which sample? 'blockwright sample --list' names them");
+    if (operands.count == 0)
+        return cli_usage_error(self, "which sample? 'blockwright sample --list' names them");
     if (!known(operands.operand[0]))
         return cli_usage_error(self, "there is no sample '%s'; 'blockwright sample --list' names them",
                                operands.operand[0]);
@@ -103,10 +116,14 @@ const cli_command cli_command_sample = {
     .name = "sample",
     .synopsis = "NAME [options]",
     .summary = "make a parametrized part of known structure",
-    .about = "Writes a tet mesh with a seamless parametrization whose block structure is known: cuboids, a cylinder,\n"
-             "a ball, tori, a pipe tee, a plate with holes and more. The same name and options give the same bytes.\n"
-             "With --perturb the map is no longer exactly seamless, as real ones are not; 'blockwright run' then has\n"
-             "something to sanitize. With --scramble neighbouring tets speak of the same place in different charts.",
+    .about = "Writes a tet mesh with a seamless parametrization whose block structure is known: cuboids, a "
+             "cylinder,\n"
+             "a ball, tori, a pipe tee, a plate with holes and more. The same name and options give the same "
+             "bytes.\n"
+             "With --perturb the map is no longer exactly seamless, as real ones are not; 'blockwright run' "
+             "then has\n"
+             "something to sanitize. With --scramble neighbouring tets speak of the same place in different "
+             "charts.",
     .examples = "  blockwright sample --list\n"
                 "  blockwright sample part -o part.hexex --noise 0.5 --perturb 1e-6\n"
                 "  blockwright sample plate --count 6 --size 4\n"

@@ -18,15 +18,19 @@ static const cli_option options[] = {
     CLI_SERVER_OPTION(settings),
     {"complex", 0, CLI_CHOICE, offsetof(settings, complex), "mc|bc",
      "mc: motorcycle complex (default); bc: base complex", 0, 0},
-    {"until", 0, CLI_CHOICE, offsetof(settings, until), "sanitize|trace|build|encode", "stop after this stage", 0, 0},
+    {"until", 0, CLI_CHOICE, offsetof(settings, until), "sanitize|trace|build|encode",
+     "stop after this stage", 0, 0},
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, tolerance), "X",
      "largest accepted defect of the map, relative to the edge it is on", 1e-15, 1},
-    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N", "work limit of tracing, in cells of the cut complex",
-     1, 2e9},
-    {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)", 0, 0},
-    {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0, 0},
+    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N",
+     "work limit of tracing, in cells of the cut complex", 1, 2e9},
+    {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)",
+     0, 0},
+    {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
+     0},
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
-    {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "print the job's id and errors, nothing else", 0, 0},
+    {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "print the job's id and errors, nothing else",
+     0, 0},
 };
 
 static int put_blob(cli_http *http, FILE *file, int64_t size, const char *path, bool quiet) {
@@ -58,8 +62,10 @@ static int upload(cli_http *http, const char *name, bool quiet, char hash[CLI_HA
         code = cli_http_failed(http);
         goto out;
     }
-    if (reply.status == 404) code = put_blob(http, file, size, path, quiet);
-    else if (reply.status != 200) code = cli_http_refused(http, &reply);
+    if (reply.status == 404)
+        code = put_blob(http, file, size, path, quiet);
+    else if (reply.status != 200)
+        code = cli_http_refused(http, &reply);
     cli_reply_clear(&reply);
 out:
     if (file) fclose(file);
@@ -124,8 +130,10 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id is printed on\n"
-             "standard output as soon as the daemon has stored the job for good. With --wait the command stays until\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id is "
+             "printed on\n"
+             "standard output as soon as the daemon has stored the job for good. With --wait the command "
+             "stays until\n"
              "the job has ended and its exit code tells how; with --out it also fetches the results.",
     .examples = "  blockwright submit part.hexex\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"

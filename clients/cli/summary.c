@@ -39,7 +39,8 @@ static void complexes(const json_t *all) {
 static void range_line(const char *label, const json_t *range, const char *what) {
     if (!json_is_object(range)) return;
     printf("%-13s %.4g to %.4g, median %.4g (%s)\n", label, json_number_value(json_object_get(range, "min")),
-           json_number_value(json_object_get(range, "max")), json_number_value(json_object_get(range, "median")), what);
+           json_number_value(json_object_get(range, "max")),
+           json_number_value(json_object_get(range, "median")), what);
 }
 
 static void stages(const json_t *list) {
@@ -51,7 +52,8 @@ static void stages(const json_t *list) {
         const json_t *peak = json_object_get(stage, "peak_bytes");
         char size[24] = "";
         if (json_is_integer(peak)) cli_bytes(size, (uint64_t)json_integer_value(peak));
-        printf("%-13s %10.3f %12s\n", name ? name : "?", json_number_value(json_object_get(stage, "seconds")), size);
+        printf("%-13s %10.3f %12s\n", name ? name : "?", json_number_value(json_object_get(stage, "seconds")),
+               size);
     }
 }
 

@@ -33,16 +33,36 @@ const char *cli_bytes(char text[24], uint64_t bytes) {
 
 const char *cli_seconds(char text[24], double seconds) {
     if (seconds < 0) seconds = 0;
-    if (seconds < 60) snprintf(text, 24, "%.2f s", seconds);
-    else if (seconds < 3600) snprintf(text, 24, "%d min %02d s", (int)seconds / 60, (int)seconds % 60);
-    else snprintf(text, 24, "%.1f h", seconds / 3600);
+    if (seconds < 60)
+        snprintf(text, 24, "%.2f s", seconds);
+    else if (seconds < 3600)
+        snprintf(text, 24, "%d min %02d s", (int)seconds / 60, (int)seconds % 60);
+    else
+        snprintf(text, 24, "%.1f h", seconds / 3600);
     return text;
 }
 
+/* Bytes at `text` that steer a terminal: 1 for a C0 control or DEL, 2 for a C1 control in UTF-8, else 0. */
+static size_t control_length(const char *text, size_t left) {
+    unsigned char c = (unsigned char)*text;
+    if (c < 32 || c == 127) return 1;
+    return c == 0xc2 && left > 1 && ((unsigned char)text[1] & 0xe0) == 0x80 ? 2 : 0;
+}
+
+void cli_print_lines(FILE *stream, const char *text, size_t size) {
+    for (size_t i = 0; i < size; i++) {
+        size_t control = text[i] == '\n' || text[i] == '\t' ? 0 : control_length(text + i, size - i);
+        fputc(control ? '?' : text[i], stream);
+        if (control) i += control - 1;
+    }
+}
+
 void cli_print_safe(FILE *stream, const char *text) {
-    for (; *text; text++) {
-        unsigned char c = (unsigned char)*text;
-        fputc(c == '\n' || c == '\t' ? ' ' : c < 32 || c == 127 ? '?' : c, stream);
+    size_t size = strlen(text);
+    for (size_t i = 0; i < size; i++) {
+        size_t control = control_length(text + i, size - i);
+        fputc(!control ? text[i] : text[i] == '\n' || text[i] == '\t' ? ' ' : '?', stream);
+        if (control) i += control - 1;
     }
 }
 

@@ -34,7 +34,8 @@ static void pause_seconds(double seconds) {
     nanosleep(&t, NULL);
 }
 
-/* The job as it is now; a daemon that does not answer is asked again for `patience` seconds. NULL: *exit_code is set and the reason said. */
+/* The job as it is now; a daemon that does not answer is asked again for `patience` seconds. NULL: *exit_code
+ * is set and the reason said. */
 static json_t *ask(cli_http *http, const char *id, double patience, int *exit_code) {
     char path[128];
     cli_reply reply;
@@ -71,7 +72,8 @@ static int exit_of_job(const char *id, const json_t *job) {
     snprintf(subject, sizeof subject, "job %s", id);
     if (!strcmp(state, "failed")) {
         const json_t *failure = json_object_get(job, "failure");
-        return cli_failure_problem(subject, failure, (long)json_integer_value(json_object_get(failure, "status")));
+        return cli_failure_problem(subject, failure,
+                                   (long)json_integer_value(json_object_get(failure, "status")));
     }
     if (!strcmp(state, "dismissed")) {
         cli_error("%s was cancelled", subject);
@@ -117,9 +119,11 @@ const cli_command cli_command_watch = {
     .name = "watch",
     .synopsis = "ID [options]",
     .summary = "follow a job until it has ended",
-    .about = "Shows the stage and the progress of job ID until it is successful, failed or dismissed. The exit code is\n"
-             "the one that 'blockwright run' would have ended with, so scripts can rely on it. A daemon that is\n"
-             "restarted meanwhile is waited for: its jobs go on where they were.",
+    .about =
+        "Shows the stage and the progress of job ID until it is successful, failed or dismissed. The exit "
+        "code is\n"
+        "the one that 'blockwright run' would have ended with, so scripts can rely on it. A daemon that is\n"
+        "restarted meanwhile is waited for: its jobs go on where they were.",
     .examples = "  blockwright watch 65f0c1...e2\n"
                 "  blockwright watch 65f0c1...e2 --quiet && blockwright fetch 65f0c1...e2 --out result",
     .options = options,

@@ -1,4 +1,5 @@
-/* A real blockwrightd on a free loopback port for the client tests. One per test program; stopped by its teardown. */
+/* A real blockwrightd on a free loopback port for the client tests. One per test program; stopped by its
+ * teardown. */
 #ifndef BW_TESTS_CLIENTS_DAEMON_H
 #define BW_TESTS_CLIENTS_DAEMON_H
 
@@ -20,14 +21,17 @@ typedef struct {
     char url[128];
 } daemon_here;
 
-static inline void daemon_nap(void) { nanosleep(&(struct timespec){0, 20 * 1000 * 1000}, NULL); }
+static inline void daemon_nap(void) {
+    nanosleep(&(struct timespec){0, 20 * 1000 * 1000}, NULL);
+}
 
 /* The daemon writes its address once it listens; a stale one is removed first. */
 static inline void daemon_read_address(daemon_here *d) {
     const char *file = kit_temp_path("data/address");
     for (int i = 0; i < 1500 && !kit_exists(file); i++) {
         int status;
-        if (waitpid(d->process, &status, WNOHANG) == d->process) fail_msg("blockwrightd ended at its start: %d", status);
+        if (waitpid(d->process, &status, WNOHANG) == d->process)
+            fail_msg("blockwrightd ended at its start: %d", status);
         daemon_nap();
     }
     char *text = kit_read_file(file, NULL);
@@ -69,6 +73,8 @@ static inline void daemon_kill(daemon_here *d) {
     d->process = 0;
 }
 
-static inline bool daemon_lives(const daemon_here *d) { return waitpid(d->process, NULL, WNOHANG) == 0; }
+static inline bool daemon_lives(const daemon_here *d) {
+    return waitpid(d->process, NULL, WNOHANG) == 0;
+}
 
 #endif

@@ -1,4 +1,5 @@
-/* Every kind of bad input ends with exit code 3 and names its fault, in place and through the daemon, which lives on. */
+/* Every kind of bad input ends with exit code 3 and names its fault, in place and through the daemon, which
+ * lives on. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,7 +23,9 @@ static void make_model(const char *path, bw_model_damage_kind damage) {
     bw_model_clear(&ctx, &model);
 }
 
-static void make_empty(const char *path) { kit_write_text(path, ""); }
+static void make_empty(const char *path) {
+    kit_write_text(path, "");
+}
 
 /* Cut at the end of a line in the middle: whatever is there is well formed. */
 static void make_truncated(const char *path) {
@@ -54,13 +57,27 @@ static void make_long_line(const char *path) {
     free(line);
 }
 
-static void make_index(const char *path) { make_model(path, BW_DAMAGE_INDEX); }
-static void make_nan(const char *path) { make_model(path, BW_DAMAGE_NAN); }
-static void make_duplicate(const char *path) { make_model(path, BW_DAMAGE_DUPLICATE); }
-static void make_inverted(const char *path) { make_model(path, BW_DAMAGE_INVERT); }
-static void make_nonmanifold(const char *path) { make_model(path, BW_DAMAGE_NONMANIFOLD); }
-static void make_seam(const char *path) { make_model(path, BW_DAMAGE_SEAM); }
-static void make_tilt(const char *path) { make_model(path, BW_DAMAGE_TILT); }
+static void make_index(const char *path) {
+    make_model(path, BW_DAMAGE_INDEX);
+}
+static void make_nan(const char *path) {
+    make_model(path, BW_DAMAGE_NAN);
+}
+static void make_duplicate(const char *path) {
+    make_model(path, BW_DAMAGE_DUPLICATE);
+}
+static void make_inverted(const char *path) {
+    make_model(path, BW_DAMAGE_INVERT);
+}
+static void make_nonmanifold(const char *path) {
+    make_model(path, BW_DAMAGE_NONMANIFOLD);
+}
+static void make_seam(const char *path) {
+    make_model(path, BW_DAMAGE_SEAM);
+}
+static void make_tilt(const char *path) {
+    make_model(path, BW_DAMAGE_TILT);
+}
 
 static const struct {
     const char *what;
@@ -87,7 +104,8 @@ static void expect_refused(size_t i, const kit_result *r) {
     char code[64];
     snprintf(code, sizeof code, "[%s]", bw_status_code(inputs[i].status));
     if (r->exit != 3 || !strstr(r->err, code))
-        fail_msg("%s: exit %d, expected 3 and %s; standard error:\n%s", inputs[i].what, r->exit, code, r->err);
+        fail_msg("%s: exit %d, expected 3 and %s; standard error:\n%s", inputs[i].what, r->exit, code,
+                 r->err);
     if (inputs[i].elements && !strstr(r->err, "\n  "))
         fail_msg("%s: no element is listed:\n%s", inputs[i].what, r->err);
 }
@@ -112,15 +130,15 @@ static void bad_input_is_refused_by_the_daemon(void **state) {
     const char *file = kit_temp_path("bad.hexex");
     for (size_t i = 0; i < INPUTS; i++) {
         inputs[i].make(file);
-        kit_result r = kit_run((const char *[]){kit_program("blockwright"), "submit", file, "--wait", "--quiet",
-                                                "--server", here.url, NULL});
+        kit_result r = kit_run((const char *[]){kit_program("blockwright"), "submit", file, "--wait",
+                                                "--quiet", "--server", here.url, NULL});
         expect_refused(i, &r);
         assert_true(daemon_lives(&here));
         kit_result_clear(&r);
     }
     make_model(file, BW_DAMAGE_COUNT);
-    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "submit", file, "--wait", "--server", here.url,
-                                            NULL});
+    kit_result r = kit_run(
+        (const char *[]){kit_program("blockwright"), "submit", file, "--wait", "--server", here.url, NULL});
     if (r.exit != 0) fail_msg("a good input after all the bad ones: exit %d\n%s", r.exit, r.err);
     kit_result_clear(&r);
 }
@@ -130,8 +148,8 @@ static void the_sh_client_tells_the_same(void **state) {
     const char *file = kit_temp_path("bad.hexex");
     for (size_t i = 0; i + 1 < INPUTS; i++) { /* all but the 200 MB */
         inputs[i].make(file);
-        kit_result r = kit_run((const char *[]){"sh", BW_SOURCE_DIR "/clients/sh/blockwright.sh", "submit", file,
-                                                "--wait", "--quiet", "--server", here.url, NULL});
+        kit_result r = kit_run((const char *[]){"sh", BW_SOURCE_DIR "/clients/sh/blockwright.sh", "submit",
+                                                file, "--wait", "--quiet", "--server", here.url, NULL});
         expect_refused(i, &r);
         kit_result_clear(&r);
     }

@@ -1,4 +1,5 @@
-/* The C client and the sh client against a real daemon: what they bring home is what a local run makes, byte for byte. */
+/* The C client and the sh client against a real daemon: what they bring home is what a local run makes, byte
+ * for byte. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -56,8 +57,8 @@ static void watch(client which, const char *id) {
 }
 
 static void run_here(const char *complex, const char *threads, const char *out) {
-    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", part, "--complex", complex, "--threads",
-                                            threads, "--out", out, NULL});
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", part, "--complex", complex,
+                                            "--threads", threads, "--out", out, NULL});
     if (r.exit != 0) fail_msg("local run: exit %d\n%s", r.exit, r.err);
     kit_result_clear(&r);
 }
@@ -69,7 +70,8 @@ static void expect_same_results(const char *a, const char *b) {
         snprintf(path_a, sizeof path_a, "%s/%s", a, results[i]);
         snprintf(path_b, sizeof path_b, "%s/%s", b, results[i]);
         char *bytes_a = kit_read_file(path_a, &size_a), *bytes_b = kit_read_file(path_b, &size_b);
-        if (size_a != size_b || memcmp(bytes_a, bytes_b, size_a) != 0) fail_msg("%s and %s differ", path_a, path_b);
+        if (size_a != size_b || memcmp(bytes_a, bytes_b, size_a) != 0)
+            fail_msg("%s and %s differ", path_a, path_b);
         free(bytes_a);
         free(bytes_b);
     }
@@ -102,7 +104,8 @@ static void options_reach_the_job(void **state) {
     run_here("bc", "1", kit_temp_path("local-bc"));
     for (client c = 0; c < CLIENTS; c++) {
         const char *out = kit_temp_path("%s-bc", client_name[c]);
-        kit_result r = call_well(c, (const char *[]){"submit", part, "--complex", "bc", "--out", out, "--quiet", NULL});
+        kit_result r =
+            call_well(c, (const char *[]){"submit", part, "--complex", "bc", "--out", out, "--quiet", NULL});
         kit_result_clear(&r);
         expect_same_results(kit_temp_path("local-bc"), out);
     }
@@ -112,8 +115,8 @@ static void a_job_that_stops_early_has_nothing_to_fetch(void **state) {
     (void)state;
     for (client c = 0; c < CLIENTS; c++) {
         const char *out = kit_temp_path("%s-early", client_name[c]);
-        kit_result r =
-            call_well(c, (const char *[]){"submit", part, "--until", "sanitize", "--out", out, "--quiet", NULL});
+        kit_result r = call_well(
+            c, (const char *[]){"submit", part, "--until", "sanitize", "--out", out, "--quiet", NULL});
         kit_result_clear(&r);
         assert_false(kit_exists(kit_temp_path("%s-early/traced.hexex", client_name[c])));
     }
@@ -132,7 +135,8 @@ static void names_survive_quotes_braces_and_backslashes(void **state) {
     const char *name = "a \"quoted\", {braced} [one] \\ back: \xc3\xa9";
     for (client c = 0; c < CLIENTS; c++) {
         char id[ID_MAX], line[300];
-        kit_result r = call_well(c, (const char *[]){"submit", part, "--name", name, "--wait", "--quiet", NULL});
+        kit_result r =
+            call_well(c, (const char *[]){"submit", part, "--name", name, "--wait", "--quiet", NULL});
         take_id(&r, id);
         for (client lister = 0; lister < CLIENTS; lister++) {
             r = call_well(lister, (const char *[]){"ls", NULL});
@@ -148,13 +152,12 @@ static void names_survive_quotes_braces_and_backslashes(void **state) {
 static void a_job_that_is_not_there_is_exit_3(void **state) {
     (void)state;
     const char *id = "0123456789abcdef01234567";
-    const char *const calls[][5] = {{"watch", id, NULL},
-                                    {"fetch", id, "--out", NULL},
-                                    {"cancel", id, NULL},
-                                    {"log", id, NULL}};
+    const char *const calls[][5] = {
+        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"log", id, NULL}};
     for (client c = 0; c < CLIENTS; c++) {
         for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
-            const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL, NULL};
+            const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL,
+                                   NULL};
             kit_result r = call(c, words);
             if (r.exit != 3 || !strstr(r.err, "[no-such-job]"))
                 fail_msg("%s client, %s: exit %d\n%s", client_name[c], words[0], r.exit, r.err);
@@ -167,13 +170,14 @@ static void a_job_that_is_not_there_is_exit_3(void **state) {
 static void a_cancelled_job_is_exit_4(void **state) {
     (void)state;
     const char *big = kit_temp_path("big.hexex");
-    kit_result r = kit_run(
-        (const char *[]){kit_program("blockwright"), "sample", "cuboid", "--size", "16", "--noise", "0.5", "-o", big, NULL});
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "--size", "16",
+                                            "--noise", "0.5", "-o", big, NULL});
     assert_int_equal(r.exit, 0);
     kit_result_clear(&r);
     for (client c = 0; c < CLIENTS; c++) {
         char id[ID_MAX];
-        r = call_well(c, (const char *[]){"submit", big, c == C_CLIENT ? "--complex=mc" : "--quiet", "--quiet", NULL});
+        r = call_well(
+            c, (const char *[]){"submit", big, c == C_CLIENT ? "--complex=mc" : "--quiet", "--quiet", NULL});
         take_id(&r, id);
         r = call(c, (const char *[]){"cancel", id, NULL});
         bool late = r.exit == 3 && strstr(r.err, "[job-finished]");
@@ -181,8 +185,8 @@ static void a_cancelled_job_is_exit_4(void **state) {
         kit_result_clear(&r);
         r = call(c, (const char *[]){"watch", id, NULL});
         if (r.exit != (late ? 0 : 4))
-            fail_msg("%s client: cancelled %s, yet watch ends with %d\n%s", client_name[c], late ? "late" : "in time",
-                     r.exit, r.err);
+            fail_msg("%s client: cancelled %s, yet watch ends with %d\n%s", client_name[c],
+                     late ? "late" : "in time", r.exit, r.err);
         kit_result_clear(&r);
     }
 }
@@ -212,8 +216,8 @@ static void a_job_outlives_a_kill_of_its_daemon(void **state) {
 static int start(void **state) {
     (void)state;
     part = kit_temp_path("part.hexex");
-    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "--noise", "0.5", "--perturb",
-                                            "1e-6", "--scramble", "cells", "-o", part, NULL});
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "--noise", "0.5",
+                                            "--perturb", "1e-6", "--scramble", "cells", "-o", part, NULL});
     if (r.exit != 0) fail_msg("sample: exit %d\n%s", r.exit, r.err);
     kit_result_clear(&r);
     daemon_start(&here);

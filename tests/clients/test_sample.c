@@ -1,6 +1,6 @@
 /* `blockwright sample` makes the models of tests/models, the same bytes every time. */
-#include <stdlib.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "kit/kit.h"
@@ -27,7 +27,8 @@ static void every_listed_model_can_be_made(void **state) {
     const bw_model_info *list = bw_model_list(&n);
     for (size_t i = 0; i < n; i++) {
         const char *file = kit_temp_path("%s.hexex", list[i].name);
-        kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", list[i].name, "-o", file, NULL});
+        kit_result r =
+            kit_run((const char *[]){kit_program("blockwright"), "sample", list[i].name, "-o", file, NULL});
         if (r.exit != 0) fail_msg("%s: exit %d: %s", list[i].name, r.exit, r.err);
         assert_int_equal(r.out_size, 0);
         assert_true(kit_exists(file));
@@ -56,9 +57,9 @@ static void options_reach_the_generator(void **state) {
     kit_expect_ok(&ctx, bw_model_save(&ctx, &model, by_library));
     bw_model_clear(&ctx, &model);
 
-    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", name, "--size=3", "--stretch", "1.5",
-                                            "--noise=0.25", "--perturb", "0.001", "--scramble=tets", "--features",
-                                            "--seed", "11", "-o-", NULL});
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", name, "--size=3",
+                                            "--stretch", "1.5", "--noise=0.25", "--perturb", "0.001",
+                                            "--scramble=tets", "--features", "--seed", "11", "-o-", NULL});
     size_t size;
     char *bytes = kit_read_file(by_library, &size);
     assert_int_equal(r.exit, 0);
@@ -71,8 +72,8 @@ static void options_reach_the_generator(void **state) {
 static void a_place_that_cannot_be_written_is_exit_5(void **state) {
     (void)state;
     const char *name = bw_model_list(&(size_t){0})[0].name;
-    kit_result r =
-        kit_run((const char *[]){kit_program("blockwright"), "sample", name, "-o", "/nowhere/at/all.hexex", NULL});
+    kit_result r = kit_run(
+        (const char *[]){kit_program("blockwright"), "sample", name, "-o", "/nowhere/at/all.hexex", NULL});
     assert_int_equal(r.exit, 5);
     assert_non_null(strstr(r.err, "/nowhere/at/all.hexex"));
     kit_result_clear(&r);
