@@ -117,7 +117,10 @@ bw_status bw_model_damage(bw_context *ctx, bw_model *m, bw_model_damage_kind kin
         return duplicate(ctx, m, tet);
     case BW_DAMAGE_NONMANIFOLD:
         tet = inner_tet(m, tet, &facet);
-        if (facet != 3) swap_corners(m, tet, facet, 3); /* the copy keeps corner 3 last */
+        if (facet != 3) { /* the copy keeps corner 3 last; two swaps leave the tet positive */
+            swap_corners(m, tet, facet, 3);
+            swap_corners(m, tet, (facet + 1) % 3, (facet + 2) % 3);
+        }
         return third_tet(ctx, m, tet);
     case BW_DAMAGE_SEAM:
         for (int i = 0; i < 12; i++) u[i / 3][i % 3] *= 1.01;
