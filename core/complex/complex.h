@@ -68,9 +68,18 @@ typedef struct {
 
 void bw_complex_clear(bw_context *ctx, bw_complex *complex);
 
-/* Reads the complex off the walls of a cell complex. A block that is not a cuboid is no error here: *torus gets the number
- * of such blocks (their sides, corners and edges stay empty), and torus_cell[] one cell of each (room for `room`). */
-bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *complex);
+bw_node bw_arc_use_start(const bw_complex *complex, bw_arc_use use);
+bw_node bw_arc_use_end(const bw_complex *complex, bw_arc_use use);
+
+/* A cell of every block that is not a cuboid: after tracing these are the tori of MC 5.3. */
+typedef struct {
+    bw_cell *cell;
+    size_t count, room;
+} bw_torus_list;
+
+/* Reads the complex off the walls of a cell complex. Where some blocks are no cuboids, *tori gets a cell of each and the complex is left without
+ * chains, corners and side lists; the caller splits them and builds anew. Errors: BW_E_CHECK naming what is not as MC 4.1 says. */
+bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori);
 
 /* Verifies every property of MC 4.1 and of the numbering above. BW_E_CHECK naming the first violation. */
 bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_complex *complex);

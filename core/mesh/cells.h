@@ -56,7 +56,7 @@ typedef struct {
     bw_half radial;         /* next half-edge of the same edge */
 } bw_cell_half;
 
-enum { BW_WALL = 1, BW_BOUNDARY = 2 };
+enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */ };
 
 typedef struct {
     bw_plane plane;        /* kind BW_IN_TET: iso-plane in the tet's chart; else axis is -1 unless the facet is aligned, then chart of facet_tet[0] */
@@ -136,6 +136,8 @@ int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet);
 
 /* Floor of coordinate `axis` of a vertex in the chart of `tet`; *fraction is set if the coordinate is larger. */
 int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int axis, bool *fraction);
+/* Sign of (coordinate of a - coordinate of b) along an axis of the chart of `tet`. Exact. */
+int bw_cells_compare_along(const bw_cells *cells, bw_cvertex a, bw_cvertex b, bw_tet tet, int axis);
 /* Exact coordinates of a vertex in the chart of `tet`, in grid units, canonical rationals; out is initialised by the caller. */
 void bw_cells_parameter(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, mpq_t out[3]);
 /* Position in the input's space, to double rounding. */

@@ -259,6 +259,20 @@ void bw_cells_parameter(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, mp
     }
 }
 
+int bw_cells_compare_along(const bw_cells *cells, bw_cvertex a, bw_cvertex b, bw_tet tet, int axis) {
+    bool fraction[2];
+    int64_t x = bw_cells_floor(cells, a, tet, axis, &fraction[0]), y = bw_cells_floor(cells, b, tet, axis, &fraction[1]);
+    if (x != y) return x < y ? -1 : 1;
+    if (!fraction[0] || !fraction[1]) return fraction[0] - fraction[1];
+    mpq_t p[3], q[3];
+    for (int k = 0; k < 3; k++) mpq_inits(p[k], q[k], NULL);
+    bw_cells_parameter(cells, a, tet, p);
+    bw_cells_parameter(cells, b, tet, q);
+    int order = mpq_cmp(p[axis], q[axis]);
+    for (int k = 0; k < 3; k++) mpq_clears(p[k], q[k], NULL);
+    return (order > 0) - (order < 0);
+}
+
 static double det3(double m[3][3]) {
     return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
            m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);

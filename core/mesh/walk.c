@@ -48,6 +48,26 @@ bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_
     }
 }
 
+bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bool *flat) {
+    bw_cell cell = cells->polygon[from].cell[*slot];
+    bw_plane plane = {0, 0};
+    if (flat) plane = bw_cells_polygon_plane(cells, from, cells->cell[cell].tet);
+    for (bw_polygon at = from;;) {
+        bw_polygon next = bw_walk_other(cells, edge, cell, at);
+        if (cells->polygon[next].flags & BW_WALL) {
+            *slot = cells->polygon[next].cell[0] != cell;
+            if (flat) *flat = bw_walk_side(cells, next, edge, cells->cell[cell].tet, plane) == 0;
+            return next;
+        }
+        if (flat) {
+            bw_transition step = bw_cells_transition(cells, next, cell);
+            plane = bw_transition_plane(&step, plane);
+        }
+        cell = bw_cells_across(cells, next, cell);
+        at = next;
+    }
+}
+
 bw_polygon bw_walk_descendant(const bw_cells *cells, bw_polygon p, bw_cedge leaf) {
     if (bw_cells_polygon_is_leaf(cells, p)) return p;
     bw_half head = cells->edge[leaf].half, h = head;

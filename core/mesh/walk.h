@@ -22,6 +22,11 @@ typedef struct {
  * the walk ends at the boundary. */
 bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_continuation *out);
 
+/* The next wall polygon around an edge, starting from polygon `from` through its cell[*slot]; *slot becomes the slot of the cell through which
+ * it was reached, and *flat tells whether both are coplanar there. Requires a wall in that direction; `from` must be aligned if
+ * `flat` is wanted (else NULL). */
+bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bool *flat);
+
 /* The leaf that holds edge `leaf` among the descendants of polygon p; BW_NONE if there is none. */
 bw_polygon bw_walk_descendant(const bw_cells *cells, bw_polygon p, bw_cedge leaf);
 

@@ -1,0 +1,35 @@
+/* What the sources that read a block complex off its walls share: complex.c calls arcs.c, blocks.c, patches.c in this order. */
+#ifndef BW_COMPLEX_BUILD_H
+#define BW_COMPLEX_BUILD_H
+
+#include "complex/complex.h"
+
+typedef struct {
+    bw_context *ctx;
+    const bw_cells *cells;
+    bw_complex *complex;
+    bw_arc *edge_arc;       /* [cell complex edge]: its arc; BW_NONE if walls pass it flat, or it carries none */
+    bw_node *vertex_node;   /* [cell complex vertex] */
+    int64_t (*low)[3];      /* [block]: its box in its chart, before the low corner is moved to the origin */
+    int64_t (*high)[3];
+    uint8_t *not_cuboid;    /* [block] */
+    bw_patch *polygon_patch; /* [polygon]; BW_NONE for those that are no walls */
+    uint8_t *polygon_slot;  /* [polygon]: which of its cells is on side 0 of its patch */
+} bw_build;
+
+/* Nodes and arcs with their edges, lengths and flags (all but BW_ARC_T). */
+bw_status bw_build_arcs(bw_build *b);
+/* Blocks: cells, charts, boxes. */
+bw_status bw_build_blocks(bw_build *b);
+/* Patches with polygons, blocks and sides. */
+bw_status bw_build_patches(bw_build *b);
+/* Corners, chains and side lists of patches and blocks; BW_ARC_T. Only where every block is a cuboid. */
+bw_status bw_build_chains(bw_build *b);
+
+/* Coordinates of a vertex in the chart of the block of `cell`, whose box starts at the origin; exact[k] tells whether coordinate k is an integer,
+ * otherwise out[k] is its floor. */
+void bw_build_locate(const bw_build *b, bw_cvertex vertex, bw_cell cell, int64_t out[3], bool exact[3]);
+/* Side 0..5 of the block of polygon->cell[slot] in which a wall polygon lies, and the plane's value in the block's chart. */
+int bw_build_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *value);
+
+#endif

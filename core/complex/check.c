@@ -1,0 +1,185 @@
+/* The validator of the block complex: every property of MC 4.1, from the finished structure.
+ *
+ *  blocks    are cuboids: positive extents, six sides tiled exactly by their patches (areas and rectangles inside the side), twelve edges
+ *            covered by their chains, eight corners; every wall polygon of a block lies in the side that its patch names
+ *  edges     of 90 degrees: every arc that a block touches lies along an edge of the block or inside a side of it
+ *  patches   are rectangles: their chains form a closed walk, opposite sides are equally long
+ *  regular   every singular edge is part of an arc
+ *  topology  nodes - arcs + patches - blocks is the Euler characteristic of the mesh
+ *  volume    the volumes of all boxes add up to that of the map. The chart of a block is a local homeomorphism onto its box that takes
+ *            boundary to boundary, hence a covering of one or more sheets; equal sums mean one sheet each.
+ */
+#include <gmp.h>
+#include <string.h>
+
+#include "complex/complex.h"
+
+typedef struct {
+    bw_context *ctx;
+    const bw_cells *cells;
+    const bw_complex *x;
+} checker;
+
+#define VIOLATED(k, ...) bw_fail((k)->ctx, BW_E_CHECK, "block complex: " __VA_ARGS__)
+
+static int64_t chain_length(const bw_complex *x, const bw_arc_use *chain, size_t begin, size_t end) {
+    int64_t length = 0;
+    for (size_t i = begin; i < end; i++) length += x->arc_length[chain[i] >> 1];
+    return length;
+}
+
+static bool chain_is_connected(const bw_complex *x, const bw_arc_use *chain, size_t begin, size_t end) {
+    for (size_t i = begin + 1; i < end; i++)
+        if (bw_arc_use_end(x, chain[i - 1]) != bw_arc_use_start(x, chain[i])) return false;
+    return begin < end;
+}
+
+static bw_status check_arcs(const checker *k) {
+    const bw_complex *x = k->x;
+    for (size_t a = 0; a < x->arc_count; a++) {
+        if (x->arc_node[a][0] == BW_NONE || x->arc_node[a][1] == BW_NONE) return VIOLATED(k, "arc %zu has no nodes", a);
+        if (x->arc_length[a] <= 0) return VIOLATED(k, "arc %zu has no length", a);
+        for (size_t i = x->arc_edge_begin[a]; i < x->arc_edge_begin[a + 1]; i++) {
+            bool singular = bw_cells_edge_is_singular(k->cells, x->arc_edge[i]);
+            if (singular != ((x->arc_flags[a] & BW_ARC_SINGULAR) != 0)) return VIOLATED(k, "arc %zu is singular in parts only", a);
+        }
+    }
+    return BW_OK;
+}
+
+static bw_status check_patches(const checker *k) {
+    const bw_complex *x = k->x;
+    for (size_t p = 0; p < x->patch_count; p++) {
+        for (size_t s = 0; s < 4; s++) {
+            size_t begin = x->patch_chain_begin[4 * p + s], end = x->patch_chain_begin[4 * p + s + 1];
+            if (!chain_is_connected(x, x->patch_chain, begin, end)) return VIOLATED(k, "side %zu of patch %zu is no chain", s, p);
+            if (bw_arc_use_start(x, x->patch_chain[begin]) != x->patch_corner[p][s] ||
+                bw_arc_use_end(x, x->patch_chain[end - 1]) != x->patch_corner[p][(s + 1) % 4])
+                return VIOLATED(k, "side %zu of patch %zu does not join its corners", s, p);
+            if (chain_length(x, x->patch_chain, begin, end) != x->patch_extent[p][s & 1])
+                return VIOLATED(k, "side %zu of patch %zu has another length than the patch", s, p);
+        }
+        if (x->patch_block[p][0] == BW_NONE) return VIOLATED(k, "patch %zu has no block", p);
+        if ((x->patch_block[p][1] == BW_NONE) != ((x->patch_flags[p] & BW_PATCH_BOUNDARY) != 0))
+            return VIOLATED(k, "patch %zu is on the boundary in parts only", p);
+    }
+    return BW_OK;
+}
+
+static bw_status check_block(const checker *k, size_t block) {
+    const bw_complex *x = k->x;
+    for (int a = 0; a < 3; a++)
+        if (x->block_extent[block][a] <= 0) return VIOLATED(k, "block %zu has no extent along axis %d", block, a);
+    for (size_t s = 0; s < 6; s++) {
+        const int64_t *extent = x->block_extent[block];
+        __int128 whole = (__int128)extent[(s / 2 + 1) % 3] * extent[(s / 2 + 2) % 3], area = 0;
+        for (size_t i = x->block_side_begin[6 * block + s]; i < x->block_side_begin[6 * block + s + 1]; i++) {
+            bw_patch p = x->block_side[i];
+            area += (__int128)x->patch_extent[p][0] * x->patch_extent[p][1];
+        }
+        if (area != whole) return VIOLATED(k, "side %zu of block %zu is not covered by its patches", s, block);
+    }
+    for (size_t e = 0; e < 12; e++) {
+        size_t begin = x->block_edge_begin[12 * block + e], end = x->block_edge_begin[12 * block + e + 1];
+        if (!chain_is_connected(x, x->block_edge, begin, end)) return VIOLATED(k, "edge %zu of block %zu is no chain", e, block);
+        if (chain_length(x, x->block_edge, begin, end) != x->block_extent[block][e / 4])
+            return VIOLATED(k, "edge %zu of block %zu has another length than the block", e, block);
+        size_t axis = e / 4, low = (e & 1) << (axis + 1) % 3 | (e >> 1 & 1) << (axis + 2) % 3;
+        if (bw_arc_use_start(x, x->block_edge[begin]) != x->block_corner[block][low] ||
+            bw_arc_use_end(x, x->block_edge[end - 1]) != x->block_corner[block][low | 1u << axis])
+            return VIOLATED(k, "edge %zu of block %zu does not join its corners", e, block);
+    }
+    return BW_OK;
+}
+
+/* Every vertex of every cell lies in its block's box, on the sides that its wall polygons belong to. */
+static bw_status check_inside(const checker *k) {
+    const bw_cells *c = k->cells;
+    const bw_complex *x = k->x;
+    for (size_t cell = 0; cell < c->cell_count; cell++) {
+        bw_transition back = bw_transition_inverse(&x->cell_chart[cell]);
+        const int64_t *extent = x->block_extent[x->cell_block[cell]];
+        for (int s = 0; s < 6; s++) {
+            bw_plane side = {s & 1 ? extent[s >> 1] : 0, (int8_t)(s >> 1)}, local = bw_transition_plane(&back, side);
+            int inward = (s & 1 ? -1 : 1) * bw_rotation_sign[back.rotation][local.axis];
+            for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell)) {
+                bw_half h = c->polygon[p].half;
+                do {
+                    if (inward * bw_cells_side(c, c->half[h].origin, c->cell[cell].tet, local) < 0)
+                        return VIOLATED(k, "cell %zu leaves the box of block %d", cell, x->cell_block[cell]);
+                    h = c->half[h].next;
+                } while (h != c->polygon[p].half);
+            }
+        }
+    }
+    return BW_OK;
+}
+
+static bw_status check_singular(const checker *k) {
+    const bw_cells *c = k->cells;
+    uint8_t *on_arc = bw_alloc(k->ctx, c->edge_count, 1);
+    if (!on_arc) return k->ctx->error.status;
+    bw_status status = BW_OK;
+    for (size_t i = 0; i < k->x->arc_edge_begin[k->x->arc_count]; i++) on_arc[k->x->arc_edge[i]] = 1;
+    for (size_t e = 0; e < c->edge_count && status == BW_OK; e++)
+        if (bw_cells_edge_is_leaf(c, (bw_cedge)e) && bw_cells_edge_is_singular(c, (bw_cedge)e) && !on_arc[e])
+            status = VIOLATED(k, "the singular edge %d is no part of an arc", c->edge[e].carrier);
+    bw_free(k->ctx, on_arc);
+    return status;
+}
+
+static bw_status check_topology(const checker *k) {
+    const bw_tet_mesh *m = k->cells->mesh;
+    const bw_complex *x = k->x;
+    uint8_t *used = bw_alloc(k->ctx, m->vertex_count, 1);
+    if (!used) return k->ctx->error.status;
+    int64_t mesh = (int64_t)m->facet_count - (int64_t)m->edge_count - (int64_t)m->tet_count;
+    for (size_t t = 0; t < 4 * m->tet_count; t++) {
+        mesh += !used[m->tet[t / 4][t % 4]];
+        used[m->tet[t / 4][t % 4]] = 1;
+    }
+    bw_free(k->ctx, used);
+    int64_t complex = (int64_t)x->node_count - (int64_t)x->arc_count + (int64_t)x->patch_count - (int64_t)x->block_count;
+    return mesh == complex ? BW_OK
+                           : VIOLATED(k, "its Euler characteristic is %lld, that of the mesh %lld", (long long)complex, (long long)mesh);
+}
+
+static void mpz_addmul3(mpz_t sum, int64_t a, int64_t b, int64_t c, mpz_t scratch) {
+    mpz_set_si(scratch, (long)a);
+    mpz_mul_si(scratch, scratch, (long)b);
+    mpz_mul_si(scratch, scratch, (long)c);
+    mpz_add(sum, sum, scratch);
+}
+
+static bw_status check_volume(const checker *k) {
+    static const int even[3][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}};
+    mpz_t boxes, tets, scratch;
+    mpz_inits(boxes, tets, scratch, NULL);
+    for (size_t b = 0; b < k->x->block_count; b++)
+        mpz_addmul3(boxes, k->x->block_extent[b][0], k->x->block_extent[b][1], k->x->block_extent[b][2], scratch);
+    for (size_t t = 0; t < k->cells->mesh->tet_count; t++) {
+        int64_t d[3][3];
+        for (int i = 0; i < 9; i++)
+            d[i / 3][i % 3] = k->cells->map->value[t][i / 3 + 1][i % 3] - k->cells->map->value[t][0][i % 3];
+        for (int i = 0; i < 3; i++) {
+            mpz_addmul3(tets, d[0][even[i][0]], d[1][even[i][1]], d[2][even[i][2]], scratch);
+            mpz_addmul3(tets, -d[0][even[i][0]], d[1][even[i][2]], d[2][even[i][1]], scratch);
+        }
+    }
+    mpz_mul_ui(boxes, boxes, 6);
+    bool same = mpz_cmp(boxes, tets) == 0;
+    mpz_clears(boxes, tets, scratch, NULL);
+    return same ? BW_OK : VIOLATED(k, "the volumes of its blocks do not add up to the map's");
+}
+
+bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_complex *complex) {
+    checker k = {ctx, cells, complex};
+    bw_status status = check_arcs(&k);
+    if (status == BW_OK) status = check_patches(&k);
+    for (size_t b = 0; b < complex->block_count && status == BW_OK; b++) status = check_block(&k, b);
+    if (status == BW_OK) status = check_inside(&k);
+    if (status == BW_OK) status = check_singular(&k);
+    if (status == BW_OK) status = check_topology(&k);
+    if (status == BW_OK) status = check_volume(&k);
+    return status;
+}

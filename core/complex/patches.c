@@ -1,0 +1,83 @@
+/* Patches: maximal coplanar wall pieces between arcs (MC 4.1), and which block is on which side of each. */
+#include <string.h>
+
+#include "complex/build.h"
+#include "mesh/walk.h"
+
+/* Grows a patch from one polygon across the edges that are no arcs, keeping its two sides apart. */
+static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *list, size_t *count) {
+    const bw_cells *c = b->cells;
+    size_t at = *count;
+    list[(*count)++] = seed;
+    b->polygon_patch[seed] = patch;
+    b->polygon_slot[seed] = 0;
+    for (; at < *count; at++) {
+        bw_polygon p = list[at];
+        bw_half h = c->polygon[p].half;
+        do {
+            bw_cedge e = c->half[h].edge;
+            h = c->half[h].next;
+            if (b->edge_arc[e] != BW_NONE) continue;
+            int slot = b->polygon_slot[p];
+            bool inside = c->polygon[p].cell[slot] != BW_NONE;
+            if (!inside) slot = !slot;
+            bw_polygon q = bw_walk_wall(c, e, p, &slot, NULL);
+            if (!inside) slot = !slot;
+            if (b->polygon_patch[q] != BW_NONE) continue;
+            b->polygon_patch[q] = patch;
+            b->polygon_slot[q] = (uint8_t)slot;
+            list[(*count)++] = q;
+        } while (h != c->polygon[p].half);
+    }
+    return bw_poll(b->ctx);
+}
+
+static bw_status describe(bw_build *b, bw_patch patch) {
+    const bw_cells *c = b->cells;
+    bw_complex *x = b->complex;
+    const bw_polygon *list = &x->patch_polygon[x->patch_polygon_begin[patch]];
+    size_t n = x->patch_polygon_begin[patch + 1] - x->patch_polygon_begin[patch];
+    x->patch_distance[patch] = INT64_MAX;
+    for (size_t i = 0; i < n; i++) {
+        const bw_cell_polygon *q = &c->polygon[list[i]];
+        if (q->distance < x->patch_distance[patch]) x->patch_distance[patch] = q->distance;
+        if (q->flags & BW_BOUNDARY) x->patch_flags[patch] |= BW_PATCH_BOUNDARY;
+        if (q->flags & BW_SPLIT) x->patch_flags[patch] |= BW_PATCH_TORUS;
+        for (int s = 0; s < 2; s++) {
+            int slot = b->polygon_slot[list[i]] ^ s;
+            bw_block block = q->cell[slot] == BW_NONE ? BW_NONE : x->cell_block[q->cell[slot]];
+            int64_t value;
+            uint8_t side = block == BW_NONE ? 0 : (uint8_t)bw_build_side(b, list[i], slot, &value);
+            if (i == 0) x->patch_block[patch][s] = block, x->patch_side[patch][s] = side;
+            else if (x->patch_block[patch][s] != block || x->patch_side[patch][s] != side)
+                return bw_fail(b->ctx, BW_E_CHECK, "patch %d is not flat: its polygons lie in different sides of block %d", patch, block);
+        }
+    }
+    return BW_OK;
+}
+
+bw_status bw_build_patches(bw_build *b) {
+    const bw_cells *c = b->cells;
+    bw_complex *x = b->complex;
+    size_t walls = 0, count = 0;
+    for (size_t p = 0; p < c->polygon_count; p++) {
+        b->polygon_patch[p] = BW_NONE;
+        walls += c->polygon[p].child[0] == BW_NONE && c->polygon[p].flags & BW_WALL;
+    }
+    x->patch_polygon = bw_alloc(b->ctx, walls, sizeof *x->patch_polygon);
+    x->patch_polygon_begin = bw_alloc(b->ctx, walls + 1, sizeof *x->patch_polygon_begin);
+    bw_status status = b->ctx->error.status;
+    for (size_t p = 0; p < c->polygon_count && status == BW_OK; p++) {
+        if (c->polygon[p].child[0] != BW_NONE || !(c->polygon[p].flags & BW_WALL) || b->polygon_patch[p] != BW_NONE) continue;
+        status = grow(b, (bw_polygon)p, (bw_patch)x->patch_count, x->patch_polygon, &count);
+        x->patch_polygon_begin[++x->patch_count] = count;
+    }
+    x->patch_block = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_block);
+    x->patch_side = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_side);
+    x->patch_extent = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_extent);
+    x->patch_distance = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_distance);
+    x->patch_flags = bw_alloc(b->ctx, x->patch_count, 1);
+    status = b->ctx->error.status;
+    for (size_t p = 0; p < x->patch_count && status == BW_OK; p++) status = describe(b, (bw_patch)p);
+    return status;
+}
