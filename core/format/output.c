@@ -8,7 +8,7 @@
 
 bw_status bw_output_open(bw_context *ctx, bw_output *out, const char *path) {
     *out = (bw_output){.ctx = ctx, .path = path, .descriptor = -1};
-    out->buffer = bw_alloc(ctx, BW_OUTPUT_ROOM + BW_OUTPUT_SLACK, 1);
+    out->buffer = bw_alloc(ctx, BW_OUTPUT_ROOM, 1);
     if (!out->buffer) return out->status = ctx->error.status;
     out->descriptor = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
     if (out->descriptor < 0)
@@ -38,25 +38,23 @@ bw_status bw_output_close(bw_output *out, uint64_t *bytes) {
     return out->status;
 }
 
-char *bw_output_room(bw_output *out) {
-    if (out->used > BW_OUTPUT_ROOM) flush(out);
-    return out->buffer + out->used;
-}
-
 void bw_put_bytes(bw_output *out, const void *bytes, size_t length) {
     const char *from = bytes;
     while (length && out->status == BW_OK) {
-        size_t part = length < BW_OUTPUT_SLACK ? length : BW_OUTPUT_SLACK;
-        memcpy(bw_output_room(out), from, part);
-        bw_output_advance(out, part);
+        if (out->used == BW_OUTPUT_ROOM) flush(out);
+        size_t room = BW_OUTPUT_ROOM - out->used, part = length < room ? length : room;
+        memcpy(out->buffer + out->used, from, part);
+        out->used += part, out->bytes += part;
         from += part, length -= part;
     }
 }
 
 void bw_put_integer(bw_output *out, int64_t value) {
-    bw_output_advance(out, bw_integer_print(value, bw_output_room(out)));
+    char text[BW_NUMBER_TEXT];
+    bw_put_bytes(out, text, bw_integer_print(value, text));
 }
 
 void bw_put_number(bw_output *out, double value) {
-    bw_output_advance(out, bw_number_print(value, bw_output_room(out)));
+    char text[BW_NUMBER_TEXT];
+    bw_put_bytes(out, text, bw_number_print(value, text));
 }

@@ -12,7 +12,7 @@
 
 #include "base/context.h"
 
-enum { BW_OUTPUT_ROOM = 1 << 18, BW_OUTPUT_SLACK = 1 << 12 /* bytes that bw_output_room guarantees */ };
+enum { BW_OUTPUT_ROOM = 1 << 18 };
 
 typedef struct {
     bw_context *ctx;
@@ -24,18 +24,12 @@ typedef struct {
     bw_status status;
 } bw_output;
 
-/* Creates or empties the file. After a failure call nothing but bw_output_close. A later failure (disk full) shows in
- * bw_output_close; until then every bw_put_* is harmless. */
+/* Creates or empties the file. A failure, this one or a later one (disk full), makes every bw_put_* that follows do nothing
+ * and is returned by bw_output_close, which must follow in any case. */
 bw_status bw_output_open(bw_context *ctx, bw_output *out, const char *path);
 /* Writes what is buffered, closes, frees. bytes (may be NULL): size of the file. */
 bw_status bw_output_close(bw_output *out, uint64_t *bytes);
 
-/* Where at least BW_OUTPUT_SLACK bytes may be written; the writer then says how many it wrote. */
-char *bw_output_room(bw_output *out);
-static inline void bw_output_advance(bw_output *out, size_t written) {
-    out->used += written;
-    out->bytes += written;
-}
 void bw_put_bytes(bw_output *out, const void *bytes, size_t length);
 static inline void bw_put_text(bw_output *out, const char *text) { bw_put_bytes(out, text, strlen(text)); }
 void bw_put_integer(bw_output *out, int64_t value);

@@ -271,10 +271,10 @@ static size_t print_mean(bw_points *points, bw_point point, bw_tet tet, char *te
     bw_points_exact(points, point, tet, q);
     size_t length = 0;
     for (int k = 0; k < 3; k++) {
-        if (k) text[length++] = ' ';
         mpz_set(points->scratch[0], mpq_numref(q[k]));
         mpz_set(points->scratch[1], mpq_denref(q[k]));
         length += print_long(points, points->cells->map->exponent, text + length);
+        text[length++] = 0;
     }
     mpq_clears(q[0], q[1], q[2], NULL);
     return length;
@@ -289,7 +289,6 @@ size_t bw_points_print(bw_points *points, bw_point point, bw_tet tet, char *text
     if (v && v->kind == BW_IN_EDGE) place = place_on_edge(cells, v, tet);
     size_t length = 0;
     for (int k = 0; k < 3; k++) {
-        if (k) text[length++] = ' ';
         if (place.p)
             length += print_on_edge(points, &place, k, text + length);
         else if (v && v->kind == BW_IN_FACET)
@@ -300,6 +299,7 @@ size_t bw_points_print(bw_points *points, bw_point point, bw_tet tet, char *text
                                   : v->kind == BW_IN_VERTEX ? value_at(cells, tet, v->carrier)[k]
                                                              : v->exact[k],
                                   1, cells->map->exponent, text + length);
+        text[length++] = 0;
     }
     return length;
 }

@@ -1,15 +1,16 @@
 #include "format/traced.h"
 
 #include <math.h>
+#include <string.h>
 
-#include "format/output.h"
+#include "format/hexex_write.h"
 
 typedef struct {
     bw_context *ctx;
     bw_tessellation *t;
     const bw_cells *cells;
     const bw_tet_mesh *mesh;
-    bw_output out;
+    bw_hexex_writer out;
     bw_traced_counts counts;
     double (*position)[3]; /* [point] */
     double *cell_volume;
@@ -21,32 +22,15 @@ typedef struct {
     bw_cvertex (*triangle)[3];
 } writer;
 
-static void put_line(writer *w, const bw_point *v, int count) {
-    for (int i = 0; i < count; i++) {
-        if (i) bw_put_text(&w->out, " ");
-        bw_put_integer(&w->out, v[i]);
-    }
-}
-
-static void put_count(writer *w, uint64_t count) {
-    bw_put_integer(&w->out, (int64_t)count);
-    bw_put_text(&w->out, "\n");
-}
-
 /* ---- vertices ---------------------------------------------------------------------------------------------------- */
 
 static bw_status write_vertices(writer *w) {
-    size_t count = bw_points_count(&w->t->points);
+    size_t count = w->counts.vertices;
     w->position = bw_alloc(w->ctx, count, sizeof *w->position);
     if (!w->position) return w->ctx->error.status;
-    w->counts.vertices = count;
-    put_count(w, count);
     for (size_t v = 0; v < count; v++) {
         bw_points_position(&w->t->points, (bw_point)v, w->position[v]);
-        for (int k = 0; k < 3; k++) {
-            bw_put_number(&w->out, w->position[v][k]);
-            bw_put_text(&w->out, k < 2 ? " " : "\n");
-        }
+        bw_hexex_write_vertex(&w->out, w->position[v]);
     }
     return bw_poll(w->ctx);
 }
@@ -75,14 +59,13 @@ static double volume_in_space(const writer *w, const bw_point tet[4]) {
 static void put_tet(writer *w, const bw_point tet[4]) {
     int last = w->mesh->mirrored ? 2 : 3;
     const bw_point v[4] = {tet[0], tet[1], tet[5 - last], tet[last]};
-    put_line(w, v, 4);
-    for (int i = 0; i < 4; i++) {
-        int32_t s = w->chart.slot[v[i]];
-        size_t begin = s ? w->text_end[s - 1] : 0;
-        bw_put_text(&w->out, " ");
-        bw_put_bytes(&w->out, w->text + begin, w->text_end[s] - begin);
+    const char *number[12];
+    for (int i = 0; i < 12; i++) {
+        int32_t s = w->chart.slot[v[i / 3]];
+        const char *before = i % 3 ? number[i - 1] + strlen(number[i - 1]) + 1 : w->text + (s ? w->text_end[s - 1] : 0);
+        number[i] = before;
     }
-    bw_put_text(&w->out, "\n");
+    bw_hexex_write_tet_text(&w->out, v, number);
 }
 
 static bool is_uncut(const writer *w, const bw_point tet[4]) {
@@ -108,7 +91,7 @@ static bw_status write_cell(writer *w, bw_cell cell) {
 
 static bw_status write_tets(writer *w) {
     w->counts.tets = bw_tessellation_count(w->t);
-    put_count(w, w->counts.tets);
+    bw_hexex_write_tets(&w->out, w->counts.tets);
     size_t tets = w->mesh->tet_count;
     bw_status status = BW_OK;
     for (size_t tet = 0; tet < tets && status == BW_OK; tet++) {
@@ -129,17 +112,12 @@ static bw_status write_tets(writer *w) {
 static void write_walls(writer *w) {
     for (size_t p = 0; p < w->cells->polygon_count; p++)
         if (w->t->size[p] && (w->cells->polygon[p].flags & BW_WALL)) w->counts.walls += (uint64_t)w->t->size[p] - 2;
-    put_count(w, w->counts.walls);
+    bw_hexex_write_walls(&w->out, w->counts.walls);
     for (size_t p = 0; p < w->cells->polygon_count; p++) {
         if (!w->t->size[p] || !(w->cells->polygon[p].flags & BW_WALL)) continue;
         bw_tessellation_triangles(w->t, (bw_polygon)p, w->triangle);
         double distance = ldexp((double)w->cells->polygon[p].distance, -w->cells->map->exponent);
-        for (int32_t i = 0; i < w->t->size[p] - 2; i++) {
-            put_line(w, w->triangle[i], 3);
-            bw_put_text(&w->out, " ");
-            bw_put_number(&w->out, distance);
-            bw_put_text(&w->out, "\n");
-        }
+        for (int32_t i = 0; i < w->t->size[p] - 2; i++) bw_hexex_write_wall(&w->out, w->triangle[i], distance);
     }
 }
 
@@ -174,10 +152,7 @@ static uint64_t feature_edge_pieces(writer *w, bw_cedge e, bool write) {
     const bw_cell_edge *x = &w->cells->edge[e];
     if (x->child[0] != BW_NONE)
         return feature_edge_pieces(w, x->child[0], write) + feature_edge_pieces(w, x->child[1], write);
-    if (write) {
-        put_line(w, x->vertex, 2);
-        bw_put_text(&w->out, "\n");
-    }
+    if (write) bw_hexex_write_feature_edge(&w->out, x->vertex);
     return 1;
 }
 
@@ -186,10 +161,7 @@ static uint64_t feature_facet_pieces(writer *w, bw_polygon p, bool write) {
     if (x->child[0] != BW_NONE)
         return feature_facet_pieces(w, x->child[0], write) + feature_facet_pieces(w, x->child[1], write);
     bw_tessellation_triangles(w->t, p, w->triangle);
-    for (int32_t i = 0; write && i < w->t->size[p] - 2; i++) {
-        put_line(w, w->triangle[i], 3);
-        bw_put_text(&w->out, "\n");
-    }
+    for (int32_t i = 0; write && i < w->t->size[p] - 2; i++) bw_hexex_write_feature_facet(&w->out, w->triangle[i]);
     return (uint64_t)w->t->size[p] - 2;
 }
 
@@ -215,12 +187,9 @@ static bw_status write_features(writer *w) {
     bw_status status = features_of(w, 2, false, &edges);
     if (status == BW_OK) status = features_of(w, 3, false, &facets);
     if (status != BW_OK) return status;
-    bw_put_integer(&w->out, (int64_t)mesh->feature_vertex_count);
-    bw_put_text(&w->out, " ");
-    bw_put_integer(&w->out, (int64_t)edges);
-    bw_put_text(&w->out, " ");
-    put_count(w, facets);
-    for (size_t i = 0; i < mesh->feature_vertex_count; i++) put_count(w, (uint64_t)mesh->feature_vertex[i]);
+    bw_hexex_write_features(&w->out, mesh->feature_vertex_count, edges, facets);
+    for (size_t i = 0; i < mesh->feature_vertex_count; i++)
+        bw_hexex_write_feature_vertex(&w->out, mesh->feature_vertex[i]);
     status = features_of(w, 2, true, &edges);
     return status == BW_OK ? features_of(w, 3, true, &facets) : status;
 }
@@ -228,14 +197,15 @@ static bw_status write_features(writer *w) {
 bw_status bw_traced_write(bw_context *ctx, bw_tessellation *t, const char *path, bw_traced_counts *counts,
                           double *cell_volume) {
     writer w = {.ctx = ctx, .t = t, .cells = t->cells, .mesh = t->cells->mesh, .cell_volume = cell_volume};
-    bw_status status = bw_output_open(ctx, &w.out, path);
+    w.counts.vertices = bw_points_count(&t->points);
+    bw_status status = bw_hexex_write_begin(ctx, &w.out, path, w.counts.vertices);
     if (status == BW_OK && !(w.triangle = bw_alloc(ctx, (size_t)t->largest, sizeof *w.triangle)))
         status = ctx->error.status;
     if (status == BW_OK) status = write_vertices(&w);
     if (status == BW_OK) status = write_tets(&w);
     if (status == BW_OK) write_walls(&w);
     if (status == BW_OK) status = write_features(&w);
-    bw_status closed = bw_output_close(&w.out, &w.counts.bytes);
+    bw_status closed = bw_hexex_write_end(&w.out, &w.counts.bytes);
     if (status == BW_OK) status = closed;
     bw_chart_clear(ctx, &w.chart);
     bw_cell_tets_clear(ctx, &w.tets);
