@@ -1,0 +1,40 @@
+/* The dispatcher: one thread that takes jobs from the queue, has a worker process run each of their stages, and books what
+ * became of it.
+ *
+ * Invariants
+ *  1. An attempt ends when the spawner has reported the worker's exit, never earlier: not by a result alone, not by time.
+ *  2. Outputs are filed in the cache before the queue hears of them, and only for the attempt that is still the job's.
+ *  3. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
+ *
+ * How an ended attempt is judged (judge() in dispatch.c), first match counts:
+ *     the daemon is stopping                      interrupted, given back to the queue
+ *     the job was cancelled                       dismissed
+ *     out of wall time; SIGXCPU                   failed: time-limit
+ *     SIGXFSZ                                     failed: output-limit
+ *     broke the protocol                          system: worker-protocol
+ *     result with an error                        by the class of its code (input, algorithm, limit: failed; system)
+ *     result ok, exit code 0, output as expected  next stage
+ *     anything else                               system: worker-died
+ * A system failure is tried again after a pause, until the stage has been claimed BW_TRIES_MOST times.
+ */
+#ifndef BW_SERVER_DISPATCH_H
+#define BW_SERVER_DISPATCH_H
+
+#include "server/config.h"
+#include "server/queue.h"
+#include "server/store.h"
+
+typedef struct bw_dispatch bw_dispatch;
+
+/* Starts the thread. Everything is borrowed until bw_dispatch_stop. `fatal` (an eventfd) is written to when the dispatcher
+ * can do no more work and the daemon should end. */
+bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, int spawner, int fatal,
+                            bw_dispatch **dispatch);
+void bw_dispatch_wake(bw_dispatch *dispatch); /* a job was added or cancelled */
+/* Progress of the running stage of a job, 0 if it does not run. */
+double bw_dispatch_progress(bw_dispatch *dispatch, const char *job);
+bool bw_dispatch_alive(bw_dispatch *dispatch);
+/* Ends the running attempts (given back to the queue), joins the thread and frees. */
+void bw_dispatch_stop(bw_dispatch *dispatch);
+
+#endif

@@ -1,0 +1,64 @@
+#include "server/failure.h"
+
+#include <string.h>
+
+bw_problem bw_failure_problem(const char *code) {
+    for (int i = 0; code && i < BW_PROBLEM_COUNT; i++)
+        if (bw_problem_types[i].failure_class && strcmp(bw_problem_types[i].code, code) == 0) return (bw_problem)i;
+    return BW_PROBLEM_INTERNAL;
+}
+
+bool bw_failure_retryable(bw_problem problem) {
+    const char *class_ = bw_problem_types[problem].failure_class;
+    return class_ && strcmp(class_, "system") == 0;
+}
+
+json_t *bw_problem_document(bw_problem problem, const char *detail) {
+    const bw_problem_type *t = &bw_problem_types[problem];
+    json_t *document = json_pack("{s:s, s:s, s:i}", "type", t->type, "title", t->title, "status", t->http);
+    if (document && detail && *detail) {
+        json_t *text = json_string(detail);
+        json_object_set_new(document, "detail", text ? text : json_string("(not valid UTF-8)"));
+    }
+    return document;
+}
+
+/* One element as the worker lists it, reduced to the members and types that the API promises. NULL if it has none. */
+static json_t *clean_element(const json_t *element) {
+    const char *kind = json_string_value(json_object_get(element, "kind"));
+    json_t *id = json_object_get(element, "id"), *position = json_object_get(element, "position");
+    if (!kind || !json_is_integer(id)) return NULL;
+    json_t *clean = json_pack("{s:s, s:O}", "kind", kind, "id", id);
+    bool numbers = json_array_size(position) == 3;
+    for (size_t i = 0; numbers && i < 3; i++) numbers = json_is_number(json_array_get(position, i));
+    if (clean && numbers) json_object_set(clean, "position", position);
+    return clean;
+}
+
+static void add_elements(json_t *document, const json_t *error) {
+    json_t *given = json_object_get(error, "elements"), *count = json_object_get(error, "element_count");
+    json_t *list = json_array(), *element;
+    size_t i;
+    json_array_foreach(given, i, element) {
+        json_t *clean = clean_element(element);
+        if (clean) json_array_append_new(list, clean);
+    }
+    if (json_array_size(list) > 0 && json_is_integer(count)) {
+        json_object_set(document, "element_count", count);
+        json_object_set(document, "elements", list);
+    }
+    json_decref(list);
+}
+
+char *bw_failure_json(bw_problem problem, const char *stage, const char *detail, const json_t *error) {
+    if (!detail) detail = json_string_value(json_object_get(error, "message"));
+    json_t *document = bw_problem_document(problem, detail);
+    const char *class_ = bw_problem_types[problem].failure_class;
+    if (!document) return NULL;
+    json_object_set_new(document, "class", json_string(class_ ? class_ : "system"));
+    json_object_set_new(document, "stage", json_string(stage));
+    if (error) add_elements(document, error);
+    char *text = json_dumps(document, JSON_COMPACT);
+    json_decref(document);
+    return text;
+}

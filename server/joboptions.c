@@ -1,0 +1,111 @@
+#include "server/joboptions.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const bw_api_option *find(const char *name) {
+    for (int i = 0; i < BW_API_OPTION_COUNT; i++)
+        if (strcmp(bw_api_options[i].name, name) == 0) return &bw_api_options[i];
+    return NULL;
+}
+
+static bool in_range(const bw_api_option *option, double value) {
+    return (option->above_minimum ? value > option->minimum : value >= option->minimum) && value <= option->maximum;
+}
+
+/* The value in its one canonical form, as a new reference; NULL if it is not a value of the option. */
+static json_t *canonical(const bw_api_option *option, json_t *value) {
+    switch (option->kind) {
+    case BW_OPTION_ENUM:
+        for (const char *const *v = option->values; json_is_string(value) && *v; v++)
+            if (strcmp(*v, json_string_value(value)) == 0) return json_string(*v);
+        return NULL;
+    case BW_OPTION_NUMBER:
+        if (!json_is_number(value) || !in_range(option, json_number_value(value))) return NULL;
+        return json_real(json_number_value(value));
+    case BW_OPTION_INTEGER:
+        if (!json_is_integer(value) || !in_range(option, (double)json_integer_value(value))) return NULL;
+        return json_integer(json_integer_value(value));
+    }
+    return NULL;
+}
+
+static void explain(const bw_api_option *option, char *detail, size_t size) {
+    int n = snprintf(detail, size, "option %s must be ", option->name);
+    size_t at = n < 0 ? 0 : (size_t)n;
+    if (option->kind == BW_OPTION_ENUM) {
+        for (const char *const *v = option->values; *v && at < size; v++)
+            at += (size_t)snprintf(detail + at, size - at, "%s%s", v == option->values ? "one of " : ", ", *v);
+    } else if (at < size) {
+        snprintf(detail + at, size - at, "%s %s %.17g and at most %.17g",
+                 option->kind == BW_OPTION_INTEGER ? "an integer" : "a number",
+                 option->above_minimum ? "greater than" : "at least", option->minimum, option->maximum);
+    }
+}
+
+bool bw_joboptions_check(const json_t *given, json_t **all, char *detail, size_t size) {
+    json_t *object = json_object(), *value;
+    const char *name;
+    snprintf(detail, size, "out of memory");
+    for (int i = 0; i < BW_API_OPTION_COUNT; i++) {
+        json_t *start = json_loads(bw_api_options[i].default_json, JSON_DECODE_ANY, NULL);
+        json_t *form = start ? canonical(&bw_api_options[i], start) : NULL;
+        json_decref(start);
+        if (json_object_set_new(object, bw_api_options[i].name, form) != 0) goto fail;
+    }
+    if (given && !json_is_object(given)) {
+        snprintf(detail, size, "options must be an object");
+        goto fail;
+    }
+    json_object_foreach((json_t *)given, name, value) {
+        const bw_api_option *option = find(name);
+        if (!option) {
+            snprintf(detail, size, "there is no option '%.60s'", name);
+            goto fail;
+        }
+        json_t *form = canonical(option, value);
+        if (!form) {
+            explain(option, detail, size);
+            goto fail;
+        }
+        if (json_object_set_new(object, name, form) != 0) goto fail;
+    }
+    *all = object;
+    return true;
+fail:
+    json_decref(object);
+    return false;
+}
+
+int bw_joboptions_stages(const json_t *all) {
+    const char *until = json_string_value(json_object_get(all, "until"));
+    for (int i = 0; i < BW_API_STAGE_COUNT; i++)
+        if (until && strcmp(bw_api_stages[i].name, until) == 0) return i + 1;
+    return BW_API_STAGE_COUNT;
+}
+
+static bool add_stage(bw_digest *digest, const bw_api_stage *stage, const json_t *all) {
+    char line[160];
+    int n = snprintf(line, sizeof line, "%s %d\n", stage->name, stage->version);
+    if (!bw_digest_add(digest, line, (size_t)n)) return false;
+    for (const char *const *name = stage->options; *name; name++) {
+        char *value = json_dumps(json_object_get(all, *name), JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(17));
+        if (!value) return false;
+        n = snprintf(line, sizeof line, " %s=%s\n", *name, value);
+        free(value);
+        if (n >= (int)sizeof line || !bw_digest_add(digest, line, (size_t)n)) return false;
+    }
+    return true;
+}
+
+bool bw_cache_key(const char *input_sha256, const json_t *all, int stage, char key[BW_SHA256_TEXT]) {
+    static const char format[] = "blockwright cache 1\n"; /* raise the number when what follows changes its meaning */
+    bw_digest *digest = bw_digest_new();
+    bool good = digest && bw_digest_add(digest, format, sizeof format - 1) && bw_digest_add(digest, input_sha256, 64) &&
+                bw_digest_add(digest, "\n", 1);
+    for (int i = 0; good && i <= stage; i++) good = add_stage(digest, &bw_api_stages[i], all);
+    good = good && bw_digest_end(digest, key);
+    bw_digest_free(digest);
+    return good;
+}

@@ -1,0 +1,20 @@
+/* Job options: checked against the tables made from api/openapi.yaml, and the cache keys that depend on them. */
+#ifndef BW_SERVER_JOBOPTIONS_H
+#define BW_SERVER_JOBOPTIONS_H
+
+#include <jansson.h>
+#include <stdbool.h>
+
+#include "bw_api.h"
+#include "server/digest.h"
+
+/* `given`: what the client sent (NULL: nothing). On success *all is a new object with every option, defaults filled in;
+ * equal requests give equal objects. Else false, and `detail` names the option at fault. */
+bool bw_joboptions_check(const json_t *given, json_t **all, char *detail, size_t size);
+/* How many stages a job with these (checked) options runs. */
+int bw_joboptions_stages(const json_t *all);
+/* The name under which the output of `stage` is cached: a hash over the input's hash and, for every stage up to this one, its
+ * name, version and the options it depends on. `all` is a checked object. False if out of memory. */
+bool bw_cache_key(const char *input_sha256, const json_t *all, int stage, char key[BW_SHA256_TEXT]);
+
+#endif

@@ -1,0 +1,66 @@
+/* A real daemon for a test: its own data folder, a free port, libcurl to talk to it. Everything asserts (cmocka). */
+#ifndef BW_TESTS_DAEMON_KIT_H
+#define BW_TESTS_DAEMON_KIT_H
+
+#include <jansson.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include <cmocka.h>
+
+#include "server/digest.h"
+
+typedef struct {
+    char data[64];     /* folder, below /tmp */
+    char address[64];  /* "127.0.0.1:PORT" */
+    const char *worker; /* NULL: the real one */
+    pid_t pid;          /* 0: not running */
+} kit_daemon;
+
+/* Starts blockwrightd with the test worker (or `worker`) and more arguments (NULL-terminated, may be NULL); waits until it
+ * listens. kit_start makes the folder, kit_restart uses it again. */
+void kit_start(kit_daemon *daemon, const char *worker, const char *const *arguments);
+void kit_restart(kit_daemon *daemon, const char *const *arguments);
+void kit_kill(kit_daemon *daemon, int signal); /* and waits for its end */
+int kit_stop(kit_daemon *daemon);              /* SIGTERM; returns the exit code */
+void kit_remove(kit_daemon *daemon);           /* stops it if it runs, deletes the folder */
+
+typedef struct {
+    long status;
+    char type[80], etag[80], location[80], allow[80];
+    char *body; /* NUL-terminated */
+    size_t size;
+} kit_reply;
+
+/* One request. `headers`: lines separated by \n, or NULL. A failure of the transport asserts, unless status is 0 allowed:
+ * kit_try returns false then. */
+bool kit_try(const kit_daemon *daemon, const char *method, const char *path, const char *headers, const void *body,
+             size_t size, kit_reply *reply);
+kit_reply kit_request(const kit_daemon *daemon, const char *method, const char *path, const char *headers,
+                      const void *body, size_t size);
+kit_reply kit_get(const kit_daemon *daemon, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void kit_free(kit_reply *reply);
+json_t *kit_json(kit_reply *reply); /* parses and frees the reply */
+
+void kit_hash(const void *data, size_t size, char hash[BW_SHA256_TEXT]);
+void kit_upload(const kit_daemon *daemon, const char *content, char hash[BW_SHA256_TEXT]);
+/* Creates a job for `content` with `options` (JSON, may be NULL); writes its id. */
+void kit_submit(const kit_daemon *daemon, const char *content, const char *options, char id[32]);
+json_t *kit_job(const kit_daemon *daemon, const char *id);
+/* Polls until the job has one of the final states; asserts that it takes less than `seconds`. */
+json_t *kit_wait(const kit_daemon *daemon, const char *id, int seconds);
+void kit_wait_state(const kit_daemon *daemon, const char *id, const char *state, int seconds);
+const char *kit_text(const json_t *object, const char *name); /* "" if absent */
+/* The reply must be a problem document of this code and its status must agree. Frees it. */
+void kit_expect_problem(kit_reply reply, long status, const char *code);
+/* The whole of a raw exchange over TCP: sends, half-closes if asked, returns what comes back (malloc'ed). */
+char *kit_raw(const kit_daemon *daemon, const char *data, size_t size, bool half_close);
+void kit_sleep_ms(int ms);
+/* Worker processes of this daemon's spawner. */
+size_t kit_workers(const kit_daemon *daemon, pid_t *pids, size_t most);
+
+#endif

@@ -1,0 +1,162 @@
+/* blockwright-test-worker: speaks the worker protocol like blockwright-worker, but does what its input says, so that tests of
+ * the daemon are fast and can have every kind of end. The input is a script of lines
+ *
+ *     STAGE VERB [ARGUMENT]      STAGE may be * for every stage
+ *
+ *     sleep MS        in steps of 5 ms, with progress; SIGTERM ends it as "cancelled"
+ *     deaf            ignore SIGTERM from here on
+ *     log TEXT        a log line
+ *     bytes N         size of data.bin, which encode writes (default 1000)
+ *     fail CODE       end with this status code, naming tet 7 and tet 9
+ *     raise SIGNAL    send this signal to itself
+ *     exit CODE       end without a result
+ *     spin            use processor time for ever
+ *     allocate BYTES  take that much memory, "memory-limit" if refused
+ *     fill BYTES      write a file of this size
+ *     garbage         send bytes that are no frame
+ *     nothing         say ok without writing the output
+ *     link            write the output as a symbolic link
+ *     flaky N         raise SIGKILL unless this is attempt N or later (of the job)
+ *
+ * sanitize copies the script to its output; every later stage copies its input to its output, with the stage's name added as a
+ * comment line; encode writes script.txt (its input), data.bin (bytes that depend on the input alone) and report.json. */
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "bw_api.h"
+#include "server/worker_proto.h"
+
+static volatile sig_atomic_t cancelled;
+static const bw_api_stage *stage;
+static int attempt;
+static char *script; /* the whole input, NUL-terminated */
+static size_t script_size;
+static long data_bytes = 1000;
+
+static void on_term(int signal) {
+    (void)signal;
+    cancelled = 1;
+}
+
+static void finish(const char *code) {
+    char text[400];
+    int n = snprintf(text, sizeof text,
+                     "{\"status\":\"%s\",\"message\":\"the script says %s\",\"element_count\":40,\"elements\":["
+                     "{\"kind\":\"tet\",\"id\":7,\"position\":[0.5,1,2]},{\"kind\":\"tet\",\"id\":9}]}", code, code);
+    if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, "{\"status\":\"ok\"}");
+    exit(bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n) ? 0 : 5);
+}
+
+static void nap(long ms) {
+    for (long done = 0; done < ms; done += 5) {
+        if (cancelled) finish("cancelled");
+        bw_send_progress(BW_WORKER_CHANNEL, (double)done / (double)ms);
+        nanosleep(&(struct timespec){0, 5000000}, NULL);
+    }
+}
+
+static void write_bytes(const char *path, const char *data, size_t size) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    if (fd < 0 || write(fd, data, size) != (ssize_t)size || close(fd) != 0) finish("io");
+}
+
+static void fill(long bytes) {
+    static char zeros[65536];
+    int fd = open("filler", O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    for (long done = 0; done < bytes; done += (long)sizeof zeros)
+        if (write(fd, zeros, sizeof zeros) < 0) finish("io");
+    close(fd);
+}
+
+static void allocate(size_t bytes) {
+    void *block = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (block == MAP_FAILED) finish("memory-limit");
+}
+
+static void obey(const char *verb, const char *argument) {
+    long number = strtol(argument, NULL, 10);
+    if (!strcmp(verb, "sleep")) nap(number);
+    else if (!strcmp(verb, "deaf")) signal(SIGTERM, SIG_IGN);
+    else if (!strcmp(verb, "log")) bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_LOG, argument, strlen(argument));
+    else if (!strcmp(verb, "bytes")) data_bytes = number;
+    else if (!strcmp(verb, "fail")) finish(argument);
+    else if (!strcmp(verb, "raise")) raise((int)number);
+    else if (!strcmp(verb, "exit")) exit((int)number);
+    else if (!strcmp(verb, "spin")) for (volatile unsigned i = 0;; i++) continue;
+    else if (!strcmp(verb, "allocate")) allocate((size_t)number);
+    else if (!strcmp(verb, "fill")) fill(number);
+    else if (!strcmp(verb, "garbage")) write(BW_WORKER_CHANNEL, "no frame at all", 15) < 0 ? exit(5) : pause();
+    else if (!strcmp(verb, "nothing")) finish("ok");
+    else if (!strcmp(verb, "link")) symlink("/etc/passwd", "out") < 0 ? exit(5) : finish("ok");
+    else if (!strcmp(verb, "flaky") && attempt < number) raise(SIGKILL);
+}
+
+static void obey_script(void) {
+    char *copy = strdup(script), *rest = copy;
+    for (char *line; (line = strsep(&rest, "\n"));) {
+        char *of = strsep(&line, " "), *verb = line ? strsep(&line, " ") : NULL;
+        if (verb && (!strcmp(of, "*") || !strcmp(of, stage->name))) obey(verb, line ? line : "");
+    }
+    free(copy);
+}
+
+static void write_results(void) {
+    char report[200], *data = malloc((size_t)data_bytes + 1);
+    uint64_t x = 88172645463325252u;
+    if (!data) finish("memory-limit");
+    for (size_t i = 0; i < script_size; i++) x = (x ^ (unsigned char)script[i]) * 1099511628211u;
+    for (long i = 0; i < data_bytes; i++) {
+        x ^= x << 13, x ^= x >> 7, x ^= x << 17;
+        data[i] = (char)x;
+    }
+    int n = snprintf(report, sizeof report, "{\"script_bytes\": %zu, \"data_bytes\": %ld}\n", script_size, data_bytes);
+    if (mkdir("out", 0700) != 0) finish("io");
+    write_bytes("out/script.txt", script, script_size);
+    write_bytes("out/data.bin", data, (size_t)data_bytes);
+    write_bytes("out/report.json", report, (size_t)n);
+    free(data);
+}
+
+static void write_state(void) {
+    size_t size = script_size + strlen(stage->name) + 3;
+    char *state = malloc(size + 1);
+    if (!state) finish("memory-limit");
+    snprintf(state, size + 1, "%s# %s\n", script, stage->name);
+    write_bytes("out", state, strlen(state));
+    free(state);
+}
+
+static void read_script(void) {
+    struct stat st;
+    if (fstat(BW_WORKER_INPUT, &st) != 0) exit(5);
+    script_size = (size_t)st.st_size;
+    script = calloc(script_size + 1, 1);
+    if (!script || pread(BW_WORKER_INPUT, script, script_size, 0) != (ssize_t)script_size) exit(5);
+}
+
+int main(int argc, char **argv) {
+    char hello[96];
+    for (int i = 1; i + 1 < argc; i += 2) {
+        for (int s = 0; s < BW_API_STAGE_COUNT && !strcmp(argv[i], "--stage"); s++)
+            if (!strcmp(argv[i + 1], bw_api_stages[s].name)) stage = &bw_api_stages[s];
+        if (!strcmp(argv[i], "--attempt")) attempt = atoi(argv[i + 1]);
+    }
+    if (!stage) return 2;
+    signal(SIGTERM, on_term);
+    read_script();
+    int n = snprintf(hello, sizeof hello, "{\"stage\":\"%s\",\"version\":%d}", stage->name, stage->version);
+    if (!bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_HELLO, hello, (size_t)n)) return 5;
+    obey_script();
+    if (stage == &bw_api_stages[BW_API_STAGE_COUNT - 1]) write_results();
+    else write_state();
+    finish("ok");
+}
