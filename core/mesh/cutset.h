@@ -18,6 +18,8 @@
 
 #include "mesh/seams.h"
 
+#define BW_COMBED_MAX ((int64_t)1 << 58)
+
 typedef struct {
     bw_rotation *comb;       /* [tet] from its chart to the combed one */
     int64_t (*shift)[3];     /* [tet] combed = comb(value) + shift, grid units; any value is right, this one fits the input */
@@ -26,12 +28,12 @@ typedef struct {
     int32_t *align_sheet;    /* [facet] BW_NONE if not aligned */
     int8_t *align_axis;      /* [facet] constant axis in the combed chart of facet_tet[0]; -1 if not aligned */
     bw_rotation *rotation;   /* [cut sheet] between combed charts, forward */
-    uint8_t *cut_count;      /* [hinge] number of cut facets, at most 255 */
+    int32_t *cut_count;      /* [hinge] number of cut facets */
     size_t cut_facets, cut_sheets, align_sheets;
     size_t cut_edges, branches, nodes; /* as defined in MC 6.2.1; for the report only */
 } bw_cutset;
 
-/* O(tets). */
+/* BW_E_RANGE if combed coordinates exceed BW_COMBED_MAX. O(tets). */
 bw_status bw_cutset_init(bw_context *ctx, bw_cutset *cut, const bw_tet_mesh *mesh, const bw_hinges *hinges,
                          const bw_seams *seams, const int64_t (*value)[4][3]);
 void bw_cutset_clear(bw_context *ctx, bw_cutset *cut);

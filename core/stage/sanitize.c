@@ -1,0 +1,241 @@
+#include "stage/sanitize.h"
+
+#include <gmp.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "mesh/sectors.h"
+#include "solve/echelon.h"
+
+enum { USUAL_BITS = 44, MAX_BITS = 46 }; /* of the largest parameter on the grid */
+
+typedef struct {
+    bw_context *ctx;
+    double tolerance;
+    bw_tet_mesh *mesh;
+    bw_grid_map *map;
+    bw_sanitize_report *report;
+    bw_hinges hinges;
+    bw_seams seams;
+    bw_cutset cut;
+    bw_core_system system;
+    int64_t *solution;
+    int64_t (*rounded)[4][3]; /* the input on the grid; borrowed from map->value until step 4 */
+} job;
+
+/* ---- the grid ---- */
+
+/* Number of bits behind the binary point that x needs; x is finite and not 0. */
+static int bits_behind(double x) {
+    int exponent;
+    int64_t mantissa = (int64_t)ldexp(frexp(x, &exponent), 53);
+    return 53 - exponent - __builtin_ctzll((unsigned long long)mantissa);
+}
+
+/* The usual exponent puts the largest parameter between 2^43 and 2^44. If all parameters are multiples of a finer power of two that
+ * the grid still holds, that one is taken, so that values which are exact already stay what they are. */
+static bw_status choose_exponent(job *j) {
+    double largest = 0;
+    int exponent, needed = INT32_MIN;
+    const double *p = &j->mesh->parameter[0][0][0];
+    for (size_t i = 0; i < 12 * j->mesh->tet_count; i++) {
+        if (p[i] == 0) continue;
+        largest = fmax(largest, fabs(p[i]));
+        int bits = bits_behind(p[i]);
+        if (bits > needed) needed = bits;
+    }
+    frexp(largest, &exponent);
+    j->map->exponent = USUAL_BITS - exponent;
+    if (needed > j->map->exponent && ldexp(largest, needed) <= (double)BW_GRID_MAX) j->map->exponent = needed;
+    j->report->grid_exponent = j->map->exponent;
+    if (abs(exponent) > 900)
+        return bw_fail(j->ctx, BW_E_RANGE, "parameters up to %g are outside what doubles can be scaled to", largest);
+    return BW_OK;
+}
+
+static bw_status round_values(job *j) {
+    size_t n = 12 * j->mesh->tet_count;
+    j->map->value = bw_alloc(j->ctx, j->mesh->tet_count, sizeof *j->map->value);
+    if (!j->map->value) return j->ctx->error.status;
+    const double *p = &j->mesh->parameter[0][0][0];
+    int64_t *v = &j->map->value[0][0][0];
+    for (size_t i = 0; i < n; i++) v[i] = llrint(ldexp(p[i], j->map->exponent));
+    return BW_OK;
+}
+
+static double displacement(const job *j) {
+    const double *p = &j->mesh->parameter[0][0][0];
+    const int64_t *v = &j->map->value[0][0][0];
+    double most = 0;
+    for (size_t i = 0; i < 12 * j->mesh->tet_count; i++)
+        most = fmax(most, fabs((double)v[i] - ldexp(p[i], j->map->exponent)));
+    return ldexp(most, -j->map->exponent);
+}
+
+/* ---- orientation ---- */
+
+static void swap_corners(job *j) {
+    for (size_t t = 0; t < j->mesh->tet_count; t++) {
+        bw_vertex v = j->mesh->tet[t][2];
+        j->mesh->tet[t][2] = j->mesh->tet[t][3];
+        j->mesh->tet[t][3] = v;
+        for (int k = 0; k < 3; k++) {
+            double p = j->mesh->parameter[t][2][k];
+            j->mesh->parameter[t][2][k] = j->mesh->parameter[t][3][k];
+            j->mesh->parameter[t][3][k] = p;
+            int64_t x = j->map->value[t][2][k];
+            j->map->value[t][2][k] = j->map->value[t][3][k];
+            j->map->value[t][3][k] = x;
+        }
+    }
+    j->mesh->mirrored = 1;
+}
+
+/* Exact sign of a tet's volume in the parameters as read. */
+static int true_sign(const double p[4][3]) {
+    mpq_t d[3][3], sum, product, x;
+    mpq_inits(sum, product, x, NULL);
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            mpq_init(d[i][k]);
+            mpq_set_d(d[i][k], p[i + 1][k]);
+            mpq_set_d(x, p[0][k]);
+            mpq_sub(d[i][k], d[i][k], x);
+        }
+    for (int k = 0; k < 3; k++) {
+        int l = (k + 1) % 3, m = (k + 2) % 3;
+        mpq_mul(product, d[1][l], d[2][m]);
+        mpq_mul(x, d[1][m], d[2][l]);
+        mpq_sub(product, product, x);
+        mpq_mul(product, product, d[0][k]);
+        mpq_add(sum, sum, product);
+    }
+    int sign = mpq_sgn(sum);
+    for (int i = 0; i < 9; i++) mpq_clear(d[i / 3][i % 3]);
+    mpq_clears(sum, product, x, NULL);
+    return sign;
+}
+
+/* Decides whether the file lists mirrored tets: the sign of the larger number of them. */
+static bool is_mirrored(const job *j) {
+    size_t negative = 0, positive = 0;
+    for (size_t t = 0; t < j->mesh->tet_count; t++) {
+        int sign = bw_grid_tet_sign((const int64_t(*)[3])j->map->value[t]);
+        negative += sign < 0, positive += sign > 0;
+    }
+    return negative > positive;
+}
+
+/* Refuses tets that are not positive; those that are so only on the grid say that the grid is too coarse for them. */
+static bw_status check_signs(job *j) {
+    size_t inverted = 0, coarse = 0;
+    for (int pass = 0; pass < 2 && !inverted; pass++)
+        for (size_t t = 0; t < j->mesh->tet_count; t++) {
+            if (bw_grid_tet_sign((const int64_t(*)[3])j->map->value[t]) > 0) continue;
+            bool bad = true_sign((const double(*)[3])j->mesh->parameter[t]) <= 0;
+            if (bad != (pass == 0)) continue;
+            double centre[3];
+            bw_tet_centre(j->mesh, (bw_tet)t, centre);
+            bw_fail_element(j->ctx, "tet", (int64_t)t, centre);
+            inverted += bad, coarse += !bad;
+        }
+    if (inverted)
+        return bw_fail(j->ctx, BW_E_INVERTED, "%zu tets are inverted or degenerate in the parametrization; the first is tet %lld",
+                       inverted, (long long)j->ctx->error.elements[0].id);
+    if (coarse)
+        return bw_fail(j->ctx, BW_E_RANGE, "%zu tets are too small for the exact grid, which the largest parameter sets to 2^%d", coarse,
+                       -j->map->exponent);
+    return BW_OK;
+}
+
+/* ---- the steps ---- */
+
+static bw_status load_grid(job *j) {
+    if (!j->mesh->tet_count) return bw_fail(j->ctx, BW_E_EMPTY, "the input has no tets");
+    if (choose_exponent(j) || round_values(j)) return j->ctx->error.status;
+    if (is_mirrored(j)) swap_corners(j);
+    if (bw_tet_mesh_connect(j->ctx, j->mesh)) return j->ctx->error.status;
+    return check_signs(j);
+}
+
+static bw_status understand(job *j) {
+    if (bw_hinges_init(j->ctx, &j->hinges, j->mesh)) return j->ctx->error.status;
+    const int64_t(*value)[4][3] = (const int64_t(*)[4][3])j->map->value;
+    bw_status status = bw_seams_init(j->ctx, &j->seams, j->mesh, &j->hinges, value, j->tolerance);
+    j->report->residual_seamless_max = j->seams.seamless;
+    j->report->residual_alignment_max = j->seams.alignment;
+    if (status) return status;
+    status = bw_cutset_init(j->ctx, &j->cut, j->mesh, &j->hinges, &j->seams, value);
+    j->report->cut_facets = j->cut.cut_facets;
+    j->report->cut_edges = j->cut.cut_edges;
+    j->report->branches = j->cut.branches;
+    j->report->nodes = j->cut.nodes;
+    j->report->cut_sheets = j->cut.cut_sheets;
+    j->report->align_sheets = j->cut.align_sheets;
+    return status;
+}
+
+/* Solves the core system and replaces all values by the ones that follow. */
+static bw_status make_exact(job *j) {
+    bw_context *ctx = j->ctx;
+    j->rounded = bw_alloc(ctx, j->mesh->tet_count, sizeof *j->rounded);
+    if (!j->rounded) return ctx->error.status;
+    memcpy(j->rounded, j->map->value, j->mesh->tet_count * sizeof *j->rounded);
+    bw_sector_input in = {j->mesh, &j->hinges, &j->seams, &j->cut, (const int64_t(*)[4][3])j->rounded};
+    if (bw_sectors_system(ctx, &in, &j->system)) return ctx->error.status;
+    bw_equations equations = {j->system.row_count, j->system.column_count, j->system.start, j->system.column,
+                              j->system.coefficient};
+    bw_echelon_report solved = {0};
+    bw_progress(ctx, 0.4);
+    j->solution = bw_alloc(ctx, equations.columns, sizeof *j->solution);
+    if (!j->solution) return ctx->error.status;
+    int64_t coarsest = (int64_t)1 << 24; /* 2^-20 of the largest parameter */
+    if (bw_echelon_solve(ctx, &equations, j->system.estimate, coarsest, 2 * BW_COMBED_MAX, j->solution, &solved))
+        return ctx->error.status;
+    j->report->system_rows = equations.rows;
+    j->report->system_columns = equations.columns;
+    j->report->system_rank = solved.rank;
+    j->report->free_variables = equations.columns - solved.rank;
+    j->report->divisor_max = solved.divisor;
+    bw_progress(ctx, 0.6);
+    return bw_sectors_place(ctx, &in, j->solution, j->map->value);
+}
+
+static void count_singular(job *j) {
+    for (size_t e = 0; e < j->mesh->edge_count; e++) {
+        if (!(j->map->edge_flags[e] & BW_EDGE_SINGULAR)) continue;
+        if (j->map->edge_flags[e] & BW_EDGE_BOUNDARY) j->report->singular_boundary++;
+        else j->report->singular_interior++;
+    }
+}
+
+/* Steps 2 to 5. */
+static bw_status run(job *j) {
+    if (load_grid(j) || bw_poll(j->ctx)) return j->ctx->error.status;
+    bw_progress(j->ctx, 0.2);
+    if (understand(j) || bw_poll(j->ctx)) return j->ctx->error.status;
+    j->report->already_exact = j->seams.exact;
+    if (!j->seams.exact && make_exact(j)) return j->ctx->error.status;
+    j->report->displacement_max = displacement(j);
+    bw_progress(j->ctx, 0.8);
+    if (bw_grid_map_derive(j->ctx, j->mesh, j->map)) return j->ctx->error.status;
+    count_singular(j);
+    bw_free(j->ctx, j->mesh->parameter);
+    j->mesh->parameter = NULL;
+    bw_progress(j->ctx, 1);
+    return BW_OK;
+}
+
+bw_status bw_sanitize(bw_context *ctx, double tolerance, bw_tet_mesh *mesh, bw_grid_map *map, bw_sanitize_report *report) {
+    job j = {.ctx = ctx, .tolerance = tolerance, .mesh = mesh, .map = map, .report = report};
+    *report = (bw_sanitize_report){0};
+    bw_status status = run(&j);
+    bw_hinges_clear(ctx, &j.hinges);
+    bw_seams_clear(ctx, &j.seams);
+    bw_cutset_clear(ctx, &j.cut);
+    bw_core_system_clear(ctx, &j.system);
+    bw_free(ctx, j.rounded);
+    bw_free(ctx, j.solution);
+    return status;
+}
