@@ -10,11 +10,14 @@
 #include "models/build.h"
 #include "models/survey.h"
 
-static void make(bw_context *ctx, const char *name, const bw_model_options *o, bw_model *m, bw_model_survey *s) {
-    print_message("%s: size %d count %d stretch %g noise %g perturb %g scramble %d seed %llu\n", name, o->size, o->count,
-                  o->stretch, o->noise, o->perturb, o->scramble, (unsigned long long)o->seed);
+static void make(bw_context *ctx, const char *name, const bw_model_options *o, bw_model *m,
+                 bw_model_survey *s) {
+    print_message("%s: size %d count %d stretch %g noise %g perturb %g scramble %d seed %llu\n", name,
+                  o->size, o->count, o->stretch, o->noise, o->perturb, o->scramble,
+                  (unsigned long long)o->seed);
     bw_context_init(ctx);
-    if (bw_model_make(ctx, name, o, m) || bw_model_look(ctx, m, s)) fail_msg("%s: %s", name, ctx->error.message);
+    if (bw_model_make(ctx, name, o, m) || bw_model_look(ctx, m, s))
+        fail_msg("%s: %s", name, ctx->error.message);
 }
 
 static void drop(bw_context *ctx, bw_model *m) {
@@ -49,7 +52,8 @@ static void every_model_is_valid_and_has_the_declared_structure(void **state) {
     const bw_model_info *list = bw_model_list(&count);
     (void)state;
     for (size_t i = 0; i < count; i++)
-        for (size_t k = 0; k < sizeof variants / sizeof *variants; k++) check_valid(list[i].name, &variants[k]);
+        for (size_t k = 0; k < sizeof variants / sizeof *variants; k++)
+            check_valid(list[i].name, &variants[k]);
 }
 
 static void small_models_are_valid_for_many_seeds(void **state) {
@@ -58,7 +62,8 @@ static void small_models_are_valid_for_many_seeds(void **state) {
     (void)state;
     for (size_t i = 0; i < count; i++)
         for (uint64_t seed = 100; seed < 106; seed++) {
-            bw_model_options o = {.size = 1, .stretch = 1, .noise = 1, .seed = seed, .scramble = (int)(seed % 4)};
+            bw_model_options o = {
+                .size = 1, .stretch = 1, .noise = 1, .seed = seed, .scramble = (int)(seed % 4)};
             check_valid(list[i].name, &o);
         }
 }
@@ -117,7 +122,8 @@ static void the_volume_of_the_map_is_that_of_the_blocks(void **state) {
         assert_int_equal(bw_shape_make(list[i].name, 0, &layout), BW_OK);
         assert_int_equal(bw_layout_finish(&layout, 1, 2), BW_OK);
         for (int32_t b = 0; b < (int32_t)layout.block_count; b++)
-            boxes += bw_layout_length(&layout, b, 0) * bw_layout_length(&layout, b, 1) * bw_layout_length(&layout, b, 2);
+            boxes += bw_layout_length(&layout, b, 0) * bw_layout_length(&layout, b, 1) *
+                     bw_layout_length(&layout, b, 2);
         for (size_t t = 0; t < m.tet_count; t++) {
             double(*u)[3] = m.parameter[t];
             tets += bw_volume6(u[0], u[1], u[2], u[3]) / 6;

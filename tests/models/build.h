@@ -11,8 +11,8 @@ typedef struct {
     bw_layout layout;
     bw_model *model; /* parameters are in the charts of the layout's blocks until bw_charts_apply */
     int32_t *edge_first, *face_first, *block_first; /* first grid vertex inside each element */
-    int32_t *star;        /* [vertex] the element it lies on: index into layout.star */
-    double (*home)[3];    /* [vertex] its parameters in the chart of the first block of its star */
+    int32_t *star;     /* [vertex] the element it lies on: index into layout.star */
+    double (*home)[3]; /* [vertex] its parameters in the chart of the first block of its star */
     int32_t *tet_block;
     int32_t *tet_cell;
 } bw_build;
@@ -44,7 +44,8 @@ static inline double bw_random_signed(uint64_t *state) { /* -1..1 */
 static inline double bw_volume6(const double *p, const double *q, const double *r, const double *s) {
     double a[3], b[3], c[3];
     for (int i = 0; i < 3; i++) a[i] = q[i] - p[i], b[i] = r[i] - p[i], c[i] = s[i] - p[i];
-    return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2];
+    return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] +
+           (a[0] * b[1] - a[1] * b[0]) * c[2];
 }
 
 #endif

@@ -42,7 +42,8 @@ static bw_status third_tet(bw_context *ctx, bw_model *m, size_t tet) {
 
 static bool same_facet(const int32_t *tet, const int32_t corner[3]) {
     for (int i = 0; i < 3; i++)
-        if (tet[0] != corner[i] && tet[1] != corner[i] && tet[2] != corner[i] && tet[3] != corner[i]) return false;
+        if (tet[0] != corner[i] && tet[1] != corner[i] && tet[2] != corner[i] && tet[3] != corner[i])
+            return false;
     return true;
 }
 
@@ -65,8 +66,8 @@ static bool one_chart(const bw_model *m, int32_t vertex, const double u[3]) {
     return true;
 }
 
-/* Moves a vertex of a boundary facet off its plane, in a place where all charts agree: no other fault arises. There is
- * no such place if every tet has a chart of its own; then only the facet's own tet changes. */
+/* Moves a vertex of a boundary facet off its plane, in a place where all charts agree: no other fault arises.
+ * There is no such place if every tet has a chart of its own; then only the facet's own tet changes. */
 static void tilt(bw_model *m, size_t start) {
     size_t tet = start;
     int corner = 0, opposite = 1;

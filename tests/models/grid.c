@@ -1,6 +1,6 @@
-/* Cells and tets of a layout. Vertices on common faces, edges and nodes are shared by construction: they are numbered
- * by the element they lie on and counted from its lowest node. A cell is coned from its first vertex in a fixed order
- * of all vertices, and so is each of its quads: neighbours split their common quad alike. */
+/* Cells and tets of a layout. Vertices on common faces, edges and nodes are shared by construction: they are
+ * numbered by the element they lie on and counted from its lowest node. A cell is coned from its first vertex
+ * in a fixed order of all vertices, and so is each of its quads: neighbours split their common quad alike. */
 #include <math.h>
 #include <string.h>
 
@@ -79,7 +79,8 @@ static bw_status number_vertices(bw_build *w, size_t *cells) {
         for (int a = 0; a < 3; a++) n *= bw_layout_cells(l, (int32_t)b, a) + 1;
         total += n;
     }
-    if (total > 4e7) return bw_fail(w->ctx, BW_E_USAGE, "a model of %.0f million cells is too large", total * 1e-6);
+    if (total > 4e7)
+        return bw_fail(w->ctx, BW_E_USAGE, "a model of %.0f million cells is too large", total * 1e-6);
     int32_t next = (int32_t)l->node_count;
     for (size_t e = 0; e < l->edge_count; e++) {
         w->edge_first[e] = next;
@@ -102,7 +103,8 @@ static bw_status number_vertices(bw_build *w, size_t *cells) {
     return BW_OK;
 }
 
-static void grid_parameter(const bw_build *w, int32_t block, const int index[3], double u[3], double local[3]) {
+static void grid_parameter(const bw_build *w, int32_t block, const int index[3], double u[3],
+                           double local[3]) {
     for (int a = 0; a < 3; a++) {
         int n = bw_layout_cells(&w->layout, block, a);
         double length = bw_layout_length(&w->layout, block, a);
@@ -137,7 +139,8 @@ static uint64_t priority(const bw_build *w, int32_t vertex) {
     return high << 32 | (uint32_t)vertex;
 }
 
-static void add_tet(bw_build *w, size_t tet, const int corner[4], const int32_t vertex[8], const double u[8][3]) {
+static void add_tet(bw_build *w, size_t tet, const int corner[4], const int32_t vertex[8],
+                    const double u[8][3]) {
     static const int mirrored[4] = {0, 1, 3, 2}, straight[4] = {0, 1, 2, 3};
     bool positive = bw_volume6(u[corner[0]], u[corner[1]], u[corner[2]], u[corner[3]]) > 0;
     for (int i = 0; i < 4; i++) {

@@ -4,7 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-bw_turn bw_turn_identity(void) { return (bw_turn){{0, 1, 2}, {1, 1, 1}}; }
+bw_turn bw_turn_identity(void) {
+    return (bw_turn){{0, 1, 2}, {1, 1, 1}};
+}
 
 bw_turn bw_turn_compose(bw_turn after, bw_turn before) {
     bw_turn t;
@@ -112,21 +114,25 @@ void bw_layout_arc(bw_layout *l, int64_t from, int64_t to, const double centre[3
     memcpy(e->centre, centre, sizeof e->centre);
 }
 
-/* --- geometry -------------------------------------------------------------------------------------------------- */
+/* --- geometry --- */
 
-/* Point of an edge at s from p to q; an arc interpolates radius and angle, and the third coordinate as it is. */
-static void edge_point(const bw_layout_edge *e, const double p[3], const double q[3], double s, double out[3]) {
+/* Point of an edge at s from p to q; an arc interpolates radius and angle, and the third coordinate as it is.
+ */
+static void edge_point(const bw_layout_edge *e, const double p[3], const double q[3], double s,
+                       double out[3]) {
     for (int i = 0; i < 3; i++) out[i] = p[i] + s * (q[i] - p[i]);
     if (!e->curved) return;
     int u = (e->axis + 1) % 3, v = (e->axis + 2) % 3;
-    double pu = p[u] - e->centre[u], pv = p[v] - e->centre[v], qu = q[u] - e->centre[u], qv = q[v] - e->centre[v];
+    double pu = p[u] - e->centre[u], pv = p[v] - e->centre[v], qu = q[u] - e->centre[u],
+           qv = q[v] - e->centre[v];
     double angle = atan2(pv, pu), turn = atan2(pu * qv - pv * qu, pu * qu + pv * qv);
     double r = hypot(pu, pv), radius = r + s * (hypot(qu, qv) - r);
     out[u] = e->centre[u] + radius * cos(angle + s * turn);
     out[v] = e->centre[v] + radius * sin(angle + s * turn);
 }
 
-/* Transfinite interpolation of the twelve edges: on a face it depends on that face's edges alone, so neighbours agree. */
+/* Transfinite interpolation of the twelve edges: on a face it depends on that face's edges alone, so
+ * neighbours agree. */
 void bw_layout_point(const bw_layout *l, int32_t block, const double local[3], double out[3]) {
     const bw_layout_block *b = &l->block[block];
     double sum[3] = {0, 0, 0};
@@ -155,7 +161,7 @@ int bw_layout_cells(const bw_layout *l, int32_t block, int axis) {
     return l->sheet[l->edge[l->block[block].edge[4 * axis]].sheet].cells;
 }
 
-/* --- faces and edges ------------------------------------------------------------------------------------------- */
+/* --- faces and edges --- */
 
 static void face_corners(int face, int corner[4]) {
     int axis = face / 2, n = 0;
@@ -280,7 +286,8 @@ static bool face_has_edge(const bw_layout_face *f, const bw_layout_edge *e) {
 static bw_status mark_boundary(bw_layout *l) {
     for (size_t e = 0; e < l->edge_count; e++) {
         for (size_t f = 0; f < l->face_count; f++)
-            if (l->face[f].block[1] < 0 && face_has_edge(&l->face[f], &l->edge[e])) l->edge[e].boundary = true;
+            if (l->face[f].block[1] < 0 && face_has_edge(&l->face[f], &l->edge[e]))
+                l->edge[e].boundary = true;
         int n = l->edge[e].valence;
         if (l->edge[e].boundary ? n % 2 == 0 && n != 2 : n % 4 == 0 && n != 4)
             return bw_fail(l->ctx, BW_E_INTERNAL, "layout: %d blocks around an edge turn nothing", n);
@@ -292,7 +299,7 @@ bool bw_layout_singular(const bw_layout *l, int32_t edge) {
     return l->edge[edge].valence != (l->edge[edge].boundary ? 2 : 4);
 }
 
-/* --- sheets ---------------------------------------------------------------------------------------------------- */
+/* --- sheets --- */
 
 static int32_t root_of(int32_t *parent, int32_t i) {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
@@ -309,15 +316,16 @@ static double measure(const bw_layout *l, int32_t block, int edge) {
         for (int a = 0; a < 3; a++) local[a] = c[0] >> a & 1;
         local[edge / 4] = (double)i / PIECES;
         bw_layout_point(l, block, local, p);
-        if (i) sum += sqrt((p[0] - last[0]) * (p[0] - last[0]) + (p[1] - last[1]) * (p[1] - last[1]) +
-                           (p[2] - last[2]) * (p[2] - last[2]));
+        if (i)
+            sum += sqrt((p[0] - last[0]) * (p[0] - last[0]) + (p[1] - last[1]) * (p[1] - last[1]) +
+                        (p[2] - last[2]) * (p[2] - last[2]));
         memcpy(last, p, sizeof last);
     }
     return sum;
 }
 
-/* A sheet is as long as its edges are on average in space, times a factor of its own between 0.85 and 1.15 (multiples of
- * the golden ratio modulo 1: no two sheets are commensurable). */
+/* A sheet is as long as its edges are on average in space, times a factor of its own between 0.85 and 1.15
+ * (multiples of the golden ratio modulo 1: no two sheets are commensurable). */
 static void size_sheets(bw_layout *l, const double *sum, const int *edges, int size, double stretch) {
     double shortest = INFINITY;
     for (size_t s = 0; s < l->sheet_count; s++) {
@@ -342,7 +350,8 @@ static bw_status make_sheets(bw_layout *l, int size, double stretch) {
     for (size_t e = 0; e < l->edge_count; e++) parent[e] = (int32_t)e;
     for (size_t b = 0; b < l->block_count; b++)
         for (int k = 0; k < 12; k++) {
-            int32_t x = root_of(parent, l->block[b].edge[k]), y = root_of(parent, l->block[b].edge[k / 4 * 4]);
+            int32_t x = root_of(parent, l->block[b].edge[k]),
+                    y = root_of(parent, l->block[b].edge[k / 4 * 4]);
             parent[x > y ? x : y] = x > y ? y : x;
         }
     for (size_t e = 0; e < l->edge_count; e++) {
@@ -363,7 +372,7 @@ out:
     return status;
 }
 
-/* --- charts ---------------------------------------------------------------------------------------------------- */
+/* --- charts --- */
 
 static int local_corner(const bw_layout_block *b, int32_t node) {
     for (int i = 0; i < 8; i++)
@@ -371,7 +380,9 @@ static int local_corner(const bw_layout_block *b, int32_t node) {
     return -1;
 }
 
-static int bit_axis(int difference) { return difference == 1 ? 0 : difference == 2 ? 1 : 2; }
+static int bit_axis(int difference) {
+    return difference == 1 ? 0 : difference == 2 ? 1 : 2;
+}
 
 bw_move bw_layout_across(const bw_layout *l, int32_t block, int face) {
     const bw_layout_block *a = &l->block[block];
@@ -402,12 +413,13 @@ static bw_status check_charts(const bw_layout *l) {
         for (int k = 0; k < 6; k++) {
             if (l->face[l->block[b].face[k]].block[1] < 0) continue;
             if (turn_determinant(bw_layout_across(l, (int32_t)b, k).turn) != 1)
-                return bw_fail(l->ctx, BW_E_INTERNAL, "layout: block %zu is mirrored across its face %d", b, k);
+                return bw_fail(l->ctx, BW_E_INTERNAL, "layout: block %zu is mirrored across its face %d", b,
+                               k);
         }
     return BW_OK;
 }
 
-/* --- stars ----------------------------------------------------------------------------------------------------- */
+/* --- stars --- */
 
 static bool face_has(const bw_layout_face *f, const int32_t *node, int count) {
     for (int i = 0; i < count; i++) {
@@ -452,7 +464,8 @@ static bw_status make_star(bw_layout *l, bw_star *star, int32_t home, const int3
                 forbid_difference(star, turn, known->turn);
                 continue;
             }
-            if (bw_reserve(l->ctx, &l->spoke, &l->spoke_capacity, l->spoke_count + 1)) return l->ctx->error.status;
+            if (bw_reserve(l->ctx, &l->spoke, &l->spoke_capacity, l->spoke_count + 1))
+                return l->ctx->error.status;
             l->spoke[l->spoke_count++] = (bw_spoke){other, turn};
             star->count++;
         }

@@ -1,16 +1,17 @@
 /* Hexahedral block layouts: the coarse structure every sample model is cut from.
  *
- *   corners of a block: bit a of the corner number is its side on axis a        6-------7
- *   faces:  2 * axis + side                                                    /|      /|
- *   edges:  4 * axis + (side on axis+1) + 2 * (side on axis+2), from           4-------5 |   z
- *           side 0 to side 1 of its axis                                      | 2-----|-3   | y
- *                                                                             |/      |/    |/
- *                                                                             0-------1     +--x
+ *     6-------7     corners: bit a of a corner's number is its side on axis a
+ *    /|      /|     faces:   2 * axis + side
+ *   4-------5 |     edges:   4 * axis + (side on axis + 1) + 2 * (side on axis + 2), axes modulo 3;
+ *   | 2-----|-3              from side 0 to side 1 of their axis
+ *   |/      |/
+ *   0-------1
+ *
  * Invariants after bw_layout_finish
- *  1. Two blocks share a face (edge, node) iff their corners say so; no two edges have the same end nodes, no two
- *     faces the same nodes. A ring of blocks thus has at least three of them.
- *  2. No edge has an angle at which the map would be singular without turning anything (8 blocks inside, 4 on the
- *     boundary), so an edge is singular iff its star does not let a vertex leave it.
+ *  1. Two blocks share a face (edge, node) iff their corners say so; no two edges have the same end nodes, no
+ *     two faces the same nodes. A ring of blocks thus has at least three of them.
+ *  2. No edge has an angle at which the map would be singular without turning anything (8 blocks inside, 4 on
+ *     the boundary), so an edge is singular iff its star does not let a vertex leave it.
  *  3. Parallel edges (one sheet) have the same length and number of cells.
  */
 #ifndef BW_TESTS_LAYOUT_H
@@ -43,8 +44,8 @@ typedef struct {
     int32_t node[2]; /* ascending */
     int32_t sheet, valence;
     bool boundary, curved;
-    int axis;          /* of the arc, if curved */
-    double centre[3];  /* of the arc */
+    int axis;         /* of the arc, if curved */
+    double centre[3]; /* of the arc */
 } bw_layout_edge;
 
 typedef struct {
@@ -78,7 +79,7 @@ typedef struct {
     struct bw_layout_key {
         int64_t key;
         int32_t node;
-    } *key;
+    } * key;
     bw_layout_edge *arc;
     bw_warp warp; /* NULL: none */
     double data[8];
@@ -91,12 +92,13 @@ void bw_layout_clear(bw_layout *layout);
 /* Building. Nodes are named by keys of the shape's choosing; a new key makes a new node. A failure is kept in
  * layout->ctx and the calls after it do nothing. */
 void bw_layout_block_add(bw_layout *layout, const int64_t key[8], const double point[8][3], int tag);
-void bw_layout_alias(bw_layout *layout, int64_t key, int64_t other); /* key names the node of other from now on */
+void bw_layout_alias(bw_layout *layout, int64_t key,
+                     int64_t other); /* key names the node of other from now on */
 /* The edge between two nodes is an arc around `centre`, in a plane of constant `axis`. */
 void bw_layout_arc(bw_layout *layout, int64_t from, int64_t to, const double centre[3], int axis);
 
-/* Derives faces, edges, sheets (with lengths measured in space, then made irregular and stretched, and `size` cells
- * along the shortest) and stars. Errors: BW_E_INTERNAL if an invariant does not hold. */
+/* Derives faces, edges, sheets (with lengths measured in space, then made irregular and stretched, and `size`
+ * cells along the shortest) and stars. Errors: BW_E_INTERNAL if an invariant does not hold. */
 bw_status bw_layout_finish(bw_layout *layout, int size, double stretch);
 
 double bw_layout_length(const bw_layout *layout, int32_t block, int axis);
@@ -106,8 +108,8 @@ void bw_layout_point(const bw_layout *layout, int32_t block, const double local[
 /* From the chart of a block across one of its interior faces. */
 bw_move bw_layout_across(const bw_layout *layout, int32_t block, int face);
 bool bw_layout_singular(const bw_layout *layout, int32_t edge);
-int32_t bw_layout_find_edge(const bw_layout *layout, int32_t a, int32_t b);           /* -1 if there is none */
-int32_t bw_layout_find_face(const bw_layout *layout, const int32_t node[4]);          /* any order */
+int32_t bw_layout_find_edge(const bw_layout *layout, int32_t a, int32_t b);  /* -1 if there is none */
+int32_t bw_layout_find_face(const bw_layout *layout, const int32_t node[4]); /* any order */
 /* Number of blocks of the base complex, by extending walls from singular edges across regular ones (MC 2). */
 bw_status bw_layout_base_complex(const bw_layout *layout, int *blocks);
 

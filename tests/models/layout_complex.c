@@ -17,8 +17,9 @@ static bool share_block(const bw_layout_face *f, const bw_layout_face *g) {
 
 /* Does the wall on `face` go on into `other` across their common edge? */
 static bool continues(const bw_layout *l, int32_t face, int32_t other, int32_t edge) {
-    return other != face && l->face[other].block[1] >= 0 && !l->edge[edge].boundary && !bw_layout_singular(l, edge) &&
-           has_edge(l, face, edge) && has_edge(l, other, edge) && !share_block(&l->face[face], &l->face[other]);
+    return other != face && l->face[other].block[1] >= 0 && !l->edge[edge].boundary &&
+           !bw_layout_singular(l, edge) && has_edge(l, face, edge) && has_edge(l, other, edge) &&
+           !share_block(&l->face[face], &l->face[other]);
 }
 
 static void spread(const bw_layout *l, bool *wall) {

@@ -20,10 +20,12 @@ void bw_model_clear(bw_context *ctx, bw_model *model) {
 
 static bw_status check_options(bw_context *ctx, const bw_model_options *o) {
     if (o->size < 1 || o->size > 64) return bw_fail(ctx, BW_E_USAGE, "size must be 1 to 64, not %d", o->size);
-    if (o->count < 0 || o->count > 16) return bw_fail(ctx, BW_E_USAGE, "count must be 0 to 16, not %d", o->count);
+    if (o->count < 0 || o->count > 16)
+        return bw_fail(ctx, BW_E_USAGE, "count must be 0 to 16, not %d", o->count);
     if (!(o->stretch >= 0.01 && o->stretch <= 100))
         return bw_fail(ctx, BW_E_USAGE, "stretch must be 0.01 to 100, not %g", o->stretch);
-    if (!(o->noise >= 0 && o->noise <= 1)) return bw_fail(ctx, BW_E_USAGE, "noise must be 0 to 1, not %g", o->noise);
+    if (!(o->noise >= 0 && o->noise <= 1))
+        return bw_fail(ctx, BW_E_USAGE, "noise must be 0 to 1, not %g", o->noise);
     if (!(o->perturb >= 0 && o->perturb <= 0.02))
         return bw_fail(ctx, BW_E_USAGE, "perturb must be 0 to 0.02, not %g", o->perturb);
     if (o->scramble < BW_SCRAMBLE_NONE || o->scramble > BW_SCRAMBLE_TETS)
@@ -49,14 +51,15 @@ static void list_feature_edge(bw_build *w, int32_t block, int edge) {
     }
 }
 
-/* Sharp edges of the boundary, and the nodes in which other than two of them meet (they are grid vertices, and noise
- * leaves them on their edge). */
+/* Sharp edges of the boundary, and the nodes in which other than two of them meet (they are grid vertices,
+ * and noise leaves them on their edge). */
 static bw_status list_features(bw_build *w) {
     const bw_layout *l = &w->layout;
     bw_model *m = w->model;
     if (!w->options->features) return BW_OK;
     size_t edges = 0;
-    for (size_t e = 0; e < l->edge_count; e++) edges += sharp(l, (int32_t)e) ? (size_t)l->sheet[l->edge[e].sheet].cells : 0;
+    for (size_t e = 0; e < l->edge_count; e++)
+        edges += sharp(l, (int32_t)e) ? (size_t)l->sheet[l->edge[e].sheet].cells : 0;
     m->feature_edge = bw_alloc(w->ctx, edges, sizeof *m->feature_edge);
     m->feature_vertex = bw_alloc(w->ctx, l->node_count, sizeof *m->feature_vertex);
     int *degree = bw_alloc(w->ctx, l->node_count, sizeof *degree);

@@ -21,7 +21,8 @@ static void mover_clear(mover *m) {
 
 static double space_volume6(const bw_model *model, size_t tet) {
     const int32_t *t = model->tet[tet];
-    return bw_volume6(model->position[t[0]], model->position[t[1]], model->position[t[2]], model->position[t[3]]);
+    return bw_volume6(model->position[t[0]], model->position[t[1]], model->position[t[2]],
+                      model->position[t[3]]);
 }
 
 static double map_volume6(const bw_model *model, size_t tet) {
@@ -56,7 +57,8 @@ static void cell_size(const bw_layout *l, const bw_star *star, double size[3]) {
     }
 }
 
-/* Point in space of parameters in the chart of a block that may have left its box: walks into the neighbours. */
+/* Point in space of parameters in the chart of a block that may have left its box: walks into the neighbours.
+ */
 static void point_at(const bw_layout *l, int32_t block, double u[3], double out[3]) {
     for (int step = 0; step < 8; step++) {
         int face = -1;
@@ -96,14 +98,16 @@ static bool all_positive(const mover *m, int32_t vertex) {
         size_t tet = (size_t)m->corner[i] / 4;
         double cell = 1;
         for (int a = 0; a < 3; a++)
-            cell *= bw_layout_length(&w->layout, w->tet_block[tet], a) / bw_layout_cells(&w->layout, w->tet_block[tet], a);
-        if (map_volume6(w->model, tet) < kept * cell || space_volume6(w->model, tet) < m->smallest[tet]) return false;
+            cell *= bw_layout_length(&w->layout, w->tet_block[tet], a) /
+                    bw_layout_cells(&w->layout, w->tet_block[tet], a);
+        if (map_volume6(w->model, tet) < kept * cell || space_volume6(w->model, tet) < m->smallest[tet])
+            return false;
     }
     return true;
 }
 
-/* Tries a displacement, then halves of it; the vertex stays where it is if none is good. The parameters of its corners
- * are kept and restored, not computed back, so a vertex that stays is exactly where it was. */
+/* Tries a displacement, then halves of it; the vertex stays where it is if none is good. The parameters of
+ * its corners are kept and restored, not computed back, so a vertex that stays is exactly where it was. */
 static void move_vertex(mover *m, int32_t vertex, const double delta[3]) {
     bw_build *w = m->w;
     enum { TRIES = 4, MOST = 512 };
@@ -117,7 +121,8 @@ static void move_vertex(mover *m, int32_t vertex, const double delta[3]) {
         double d[3], u[3];
         for (int i = 0; i < 3; i++) d[i] = ldexp(delta[i], -try), u[i] = w->home[vertex][i] + d[i];
         shift_corners(m, vertex, d);
-        point_at(&w->layout, w->layout.spoke[w->layout.star[w->star[vertex]].first].block, u, w->model->position[vertex]);
+        point_at(&w->layout, w->layout.spoke[w->layout.star[w->star[vertex]].first].block, u,
+                 w->model->position[vertex]);
         if (all_positive(m, vertex)) return;
         for (size_t i = 0; i < count; i++)
             memcpy(parameter[m->corner[first + i] / 4][m->corner[first + i] % 4], saved[i], sizeof saved[i]);
@@ -131,7 +136,8 @@ bw_status bw_noise_apply(bw_build *w) {
     if (status) goto out;
     for (size_t t = 0; t < w->model->tet_count; t++)
         if (m.smallest[t] <= 0) {
-            status = bw_fail(w->ctx, BW_E_USAGE, "at size %d a tet of the model is inverted in space", w->options->size);
+            status = bw_fail(w->ctx, BW_E_USAGE, "at size %d a tet of the model is inverted in space",
+                             w->options->size);
             bw_fail_element(w->ctx, "tet", (int64_t)t, w->model->position[w->model->tet[t][0]]);
             goto out;
         }
@@ -149,7 +155,7 @@ out:
     return status;
 }
 
-/* --- charts ---------------------------------------------------------------------------------------------------- */
+/* --- charts --- */
 
 static bw_move move_compose(const bw_move *after, const bw_move *before) {
     bw_move m = {.turn = bw_turn_compose(after->turn, before->turn)};
@@ -169,7 +175,8 @@ static bw_status comb(const bw_layout *l, bw_move *chart) {
     bool *done = bw_alloc(l->ctx, l->block_count, sizeof *done);
     bw_status status = l->ctx->error.status;
     if (status) goto out;
-    chart[0] = (bw_move){bw_turn_identity(), {0.31830988618379067, -0.36787944117144233, 0.57721566490153286}};
+    chart[0] =
+        (bw_move){bw_turn_identity(), {0.31830988618379067, -0.36787944117144233, 0.57721566490153286}};
     size_t count = 1;
     done[0] = true;
     for (size_t i = 0; i < count; i++)
@@ -210,7 +217,7 @@ bw_status bw_charts_apply(bw_build *w) {
     return status;
 }
 
-/* --- errors ---------------------------------------------------------------------------------------------------- */
+/* --- errors --- */
 
 bw_status bw_perturb_apply(bw_build *w) {
     bw_model *m = w->model;

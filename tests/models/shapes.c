@@ -1,8 +1,8 @@
 /* The shapes: which blocks, where, and how many of them the base complex has.
  *
- * A shape is made of boxes of a lattice, or of prisms over plane quads with straight and circular edges, possibly bent
- * by a warp from this pseudo-space to space. The numbers in the table are counted by reasoning, which is written at
- * each shape; tests compare them with what is counted on the layout and on the tets.
+ * A shape is made of boxes of a lattice, or of prisms over plane quads with straight and circular edges,
+ * possibly bent by a warp from this pseudo-space to space. The numbers in the table are counted by reasoning,
+ * which is written at each shape; tests compare them with what is counted on the layout and on the tets.
  */
 #include "models/shapes.h"
 
@@ -13,7 +13,7 @@
 
 static const double pi = 3.14159265358979323846;
 
-/* --- boxes of a lattice ---------------------------------------------------------------------------------------- */
+/* --- boxes of a lattice --- */
 
 /* The box between the lattice planes i, j, k and their successors. */
 static void box(bw_layout *l, const double *x, const double *y, const double *z, int i, int j, int k) {
@@ -57,9 +57,10 @@ static void plus(bw_layout *l, int count) {
     bw_declare(l, 7, 1, 0);
 }
 
-/* --- round ones ------------------------------------------------------------------------------------------------ */
+/* --- round ones --- */
 
-/* Sends the square or cube |p| <= 1 to the disk or ball of radius data[2]; the core |p| <= data[1] stays as it is. */
+/* Sends the square or cube |p| <= 1 to the disk or ball of radius data[2]; the core |p| <= data[1] stays as
+ * it is. */
 static void warp_round(const double data[8], int tag, const double p[3], double out[3]) {
     int dimensions = (int)data[0];
     double core = data[1], most = 0, norm = 0, direction[3];
@@ -76,8 +77,8 @@ static void warp_round(const double data[8], int tag, const double p[3], double 
         out[i] = (1 - w) * core * p[i] / most + w * data[2] * direction[i] / sqrt(norm);
 }
 
-/* Inner square and four blocks around it; the four edges of the inner square are singular (three blocks around each),
- * their walls are all the faces between the blocks. */
+/* Inner square and four blocks around it; the four edges of the inner square are singular (three blocks
+ * around each), their walls are all the faces between the blocks. */
 static void cylinder(bw_layout *l, int count) {
     static const double level[] = {0, 1.9}, core = 0.45;
     static const int u[] = {-1, 1, 1, -1}, v[] = {-1, -1, 1, 1};
@@ -94,15 +95,16 @@ static void cylinder(bw_layout *l, int count) {
     bw_declare(l, 5, 1, 4);
 }
 
-/* A cube and a block on each of its faces: its twelve edges and the eight diagonals from its corners are inside; those
- * with three blocks around, that is all twenty, are singular. */
+/* A cube and a block on each of its faces: its twelve edges and the eight diagonals from its corners are
+ * inside; those with three blocks around, that is all twenty, are singular. */
 static void ball(bw_layout *l, int count) {
     static const double core = 0.4;
     (void)count;
     l->warp = warp_round;
     memcpy(l->data, (double[8]){3, core, 1}, sizeof l->data);
     for (int block = 0; block < 7; block++) {
-        int axis = block / 2, side = block & 1, first = (axis + (side ? 1 : 2)) % 3, second = (axis + (side ? 2 : 1)) % 3;
+        int axis = block / 2, side = block & 1, first = (axis + (side ? 1 : 2)) % 3,
+            second = (axis + (side ? 2 : 1)) % 3;
         int64_t key[8];
         double point[8][3];
         for (int c = 0; c < 8; c++) {
@@ -116,11 +118,12 @@ static void ball(bw_layout *l, int count) {
     bw_declare(l, 7, 1, 20);
 }
 
-/* --- rings ----------------------------------------------------------------------------------------------------- */
+/* --- rings --- */
 
 enum { SECTIONS = 6 };
 
-/* (x, y) across, z along in sections; the section turns by data[1] quarter turns on the way round radius data[0]. */
+/* (x, y) across, z along in sections; the section turns by data[1] quarter turns on the way round radius
+ * data[0]. */
 static void warp_ring(const double data[8], int tag, const double p[3], double out[3]) {
     double angle = p[2] * 2 * pi / SECTIONS, turn = angle * data[1] / 4;
     double x = p[0] * cos(turn) - p[1] * sin(turn), y = p[0] * sin(turn) + p[1] * cos(turn);
@@ -130,7 +133,8 @@ static void warp_ring(const double data[8], int tag, const double p[3], double o
     out[2] = x;
 }
 
-/* Nothing but the boundary's edges is singular: no wall at all, one block, and still one when it has been split. */
+/* Nothing but the boundary's edges is singular: no wall at all, one block, and still one when it has been
+ * split. */
 static void torus(bw_layout *l, int quarters, double height) {
     static const int u[] = {-1, 1, 1, -1}, v[] = {-1, -1, 1, 1};
     static const double level[] = {0, 1, 2, 3, 4, 5, 6};
@@ -138,7 +142,8 @@ static void torus(bw_layout *l, int quarters, double height) {
     l->warp = warp_ring;
     memcpy(l->data, (double[8]){2.2, quarters}, sizeof l->data);
     for (int i = 0; i < 4; i++) quad[i] = (bw_spot){i, u[i] * height, v[i] * 0.7};
-    for (int i = 0; i < 4; i++) bw_layout_alias(l, bw_spot_key(&quad[i], SECTIONS), bw_spot_key(&quad[(i + quarters) % 4], 0));
+    for (int i = 0; i < 4; i++)
+        bw_layout_alias(l, bw_spot_key(&quad[i], SECTIONS), bw_spot_key(&quad[(i + quarters) % 4], 0));
     for (int i = 0; i < SECTIONS; i++) bw_prism(l, 2, quad, level, i);
     bw_declare(l, 1, 0, 0);
 }
@@ -158,10 +163,11 @@ static void torus_half(bw_layout *l, int count) {
     torus(l, 2, 0.9);
 }
 
-/* The four inner edges of the tube are reentrant and send two walls each, which cut its section into eight; every
- * block is a ring of its own. */
+/* The four inner edges of the tube are reentrant and send two walls each, which cut its section into eight;
+ * every block is a ring of its own. */
 static void hollow_torus(bw_layout *l, int count) {
-    static const double x[] = {-1.1, -0.5, 0.4, 1.1}, y[] = {-1, -0.4, 0.5, 1}, level[] = {0, 1, 2, 3, 4, 5, 6};
+    static const double x[] = {-1.1, -0.5, 0.4, 1.1}, y[] = {-1, -0.4, 0.5, 1},
+                        level[] = {0, 1, 2, 3, 4, 5, 6};
     (void)count;
     l->warp = warp_ring;
     memcpy(l->data, (double[8]){2.6}, sizeof l->data);
@@ -181,7 +187,7 @@ static void hollow_torus(bw_layout *l, int count) {
     bw_declare(l, 8, 0, 0);
 }
 
-/* --- the list -------------------------------------------------------------------------------------------------- */
+/* --- the list --- */
 
 static const struct {
     bw_model_info info;

@@ -6,7 +6,9 @@
 
 static const double pi = 3.14159265358979323846;
 
-int64_t bw_spot_key(const bw_spot *spot, int layer) { return 8 * spot->key + layer; }
+int64_t bw_spot_key(const bw_spot *spot, int layer) {
+    return 8 * spot->key + layer;
+}
 
 void bw_prism(bw_layout *l, int axis, const bw_spot quad[4], const double *level, int layer) {
     static const int around[4] = {0, 1, 3, 2};
@@ -22,8 +24,8 @@ void bw_prism(bw_layout *l, int axis, const bw_spot quad[4], const double *level
     bw_layout_block_add(l, key, (const double(*)[3])point, 0);
 }
 
-void bw_prism_arc(bw_layout *l, int axis, const bw_spot *a, const bw_spot *b, const double *level, int layer, double u,
-                  double v) {
+void bw_prism_arc(bw_layout *l, int axis, const bw_spot *a, const bw_spot *b, const double *level, int layer,
+                  double u, double v) {
     double centre[3];
     centre[axis] = level[layer];
     centre[(axis + 1) % 3] = u;
@@ -31,8 +33,8 @@ void bw_prism_arc(bw_layout *l, int axis, const bw_spot *a, const bw_spot *b, co
     bw_layout_arc(l, bw_spot_key(a, layer), bw_spot_key(b, layer), centre, axis);
 }
 
-void bw_prism_ring(bw_layout *l, int axis, const bw_spot outer[4], const bw_spot inner[4], const double *level,
-                   int layer) {
+void bw_prism_ring(bw_layout *l, int axis, const bw_spot outer[4], const bw_spot inner[4],
+                   const double *level, int layer) {
     for (int i = 0; i < 4; i++) {
         int next = (i + 1) % 4;
         bw_spot quad[4] = {outer[i], outer[next], inner[next], inner[i]};
@@ -42,16 +44,20 @@ void bw_prism_ring(bw_layout *l, int axis, const bw_spot outer[4], const bw_spot
 
 void bw_circle(double u, double v, double radius, double start, int64_t key, bw_spot out[4]) {
     for (int i = 0; i < 4; i++)
-        out[i] = (bw_spot){key + i, u + radius * cos(start + i * pi / 2), v + radius * sin(start + i * pi / 2)};
+        out[i] =
+            (bw_spot){key + i, u + radius * cos(start + i * pi / 2), v + radius * sin(start + i * pi / 2)};
 }
 
-void bw_circle_arcs(bw_layout *l, int axis, const bw_spot spot[4], const double *level, int layer, double u, double v) {
+void bw_circle_arcs(bw_layout *l, int axis, const bw_spot spot[4], const double *level, int layer, double u,
+                    double v) {
     for (int i = 0; i < 4; i++) bw_prism_arc(l, axis, &spot[i], &spot[(i + 1) % 4], level, layer, u, v);
 }
 
-/* --- plates ---------------------------------------------------------------------------------------------------- */
+/* --- plates --- */
 
-static bw_spot lattice_spot(const double *x, const double *y, int i, int j) { return (bw_spot){i + 64 * j, x[i], y[j]}; }
+static bw_spot lattice_spot(const double *x, const double *y, int i, int j) {
+    return (bw_spot){i + 64 * j, x[i], y[j]};
+}
 
 static void lattice_quad(const double *x, const double *y, int i, int j, bw_spot quad[4]) {
     quad[0] = lattice_spot(x, y, i, j);
@@ -61,7 +67,8 @@ static void lattice_quad(const double *x, const double *y, int i, int j, bw_spot
 }
 
 /* A lattice cell of the plate with a round hole in its middle. */
-static void drilled_cell(bw_layout *l, const double *x, const double *y, const double *level, int i, int j, double radius) {
+static void drilled_cell(bw_layout *l, const double *x, const double *y, const double *level, int i, int j,
+                         double radius) {
     bw_spot outer[4], inner[4];
     double u = (x[i] + x[i + 1]) / 2, v = (y[j] + y[j + 1]) / 2;
     lattice_quad(x, y, i, j, outer);
@@ -70,8 +77,9 @@ static void drilled_cell(bw_layout *l, const double *x, const double *y, const d
     for (int layer = 0; layer < 2; layer++) bw_circle_arcs(l, 2, inner, level, layer, u, v);
 }
 
-/* A row of holes h = 0, 1, ... in cells (2h + 1, 1) of a lattice of 2n + 1 by 3. The corners of a drilled cell are singular
- * (five blocks around), so all lattice lines are walls: 3 (2n + 1) cells, of which n become four blocks each. */
+/* A row of holes h = 0, 1, ... in cells (2h + 1, 1) of a lattice of 2n + 1 by 3. The corners of a drilled
+ * cell are singular (five blocks around), so all lattice lines are walls: 3 (2n + 1) cells, of which n become
+ * four blocks each. */
 void bw_shape_plate(bw_layout *l, int count) {
     enum { MOST = 16 };
     static const double y[] = {0, 0.55, 1.75, 2.4}, level[] = {0, 0.5};
@@ -93,10 +101,11 @@ void bw_shape_plate(bw_layout *l, int count) {
     bw_declare(l, 9 * holes + 3, 1 - holes, 4 * holes);
 }
 
-/* --- eyes ------------------------------------------------------------------------------------------------------ */
+/* --- eyes --- */
 
-/* A neck from the edge A-B to a round eye with concentric rings, extruded along axis. `heading` is the direction from
- * the edge to the eye in (u, v); A is to the right of it. Ring radii descend; the last is the bore. */
+/* A neck from the edge A-B to a round eye with concentric rings, extruded along axis. `heading` is the
+ * direction from the edge to the eye in (u, v); A is to the right of it. Ring radii descend; the last is the
+ * bore. */
 typedef struct {
     int axis, layer, rings;
     double u, v, heading, radius[4];
@@ -128,15 +137,25 @@ static void add_eye(bw_layout *l, const eye *e) {
     for (int ring = 0; ring < e->rings; ring++) eye_ring(l, e, ring, e->layer);
 }
 
-/* An eye standing on the cell (i, j) of a base plate whose top is at z; its bore runs along y, with a boss on each side.
+/* An eye standing on the cell (i, j) of a base plate whose top is at z; its bore runs along y, with a boss on
+ * each side.
  *
- * Walls: the foot of the neck is reentrant and walled off, and so is the neck from the eye, whose two corners there are
- * reentrant: they send radial walls through the rings, which cut each ring in two. The boss's circles wall off the inner
- * ring and the bosses. Blocks: neck, outer ring 2, inner ring 2, bosses 2 + 2: nine. */
+ * Walls: the foot of the neck is reentrant and walled off, and so is the neck from the eye, whose two corners
+ * there are reentrant: they send radial walls through the rings, which cut each ring in two. The boss's
+ * circles wall off the inner ring and the bosses. Blocks: neck, outer ring 2, inner ring 2, bosses 2 + 2:
+ * nine. */
 static void standing_eye(bw_layout *l, const double *x, const double *y, double z, int i, int j) {
     const double level[] = {y[j] - 0.38, y[j], y[j + 1], y[j + 1] + 0.38};
-    eye e = {.axis = 1, .layer = 1, .rings = 2, .u = z + 1.75, .v = (x[i] + x[i + 1]) / 2, .radius = {1.1, 0.8, 0.5},
-             .level = level, .a = {1 << 20, z, x[i]}, .b = {(1 << 20) + 1, z, x[i + 1]}, .key = (1 << 20) + 2};
+    eye e = {.axis = 1,
+             .layer = 1,
+             .rings = 2,
+             .u = z + 1.75,
+             .v = (x[i] + x[i + 1]) / 2,
+             .radius = {1.1, 0.8, 0.5},
+             .level = level,
+             .a = {1 << 20, z, x[i]},
+             .b = {(1 << 20) + 1, z, x[i + 1]},
+             .key = (1 << 20) + 2};
     for (int side = 0; side < 2; side++) {
         bw_spot a = lattice_spot(x, y, i, j + side), b = lattice_spot(x, y, i + 1, j + side);
         bw_layout_alias(l, bw_spot_key(&e.a, 1 + side), bw_spot_key(&a, 1));
@@ -147,10 +166,11 @@ static void standing_eye(bw_layout *l, const double *x, const double *y, double 
     eye_ring(l, &e, 1, 2);
 }
 
-/* The flange is a plate of 7 by 3 cells with two drilled ones: as above, 19 + 8 blocks; lines 3 and 4 are walls below the
- * eye's foot. */
+/* The flange is a plate of 7 by 3 cells with two drilled ones: as above, 19 + 8 blocks; lines 3 and 4 are
+ * walls below the eye's foot. */
 void bw_shape_part(bw_layout *l, int count) {
-    static const double x[] = {0, 0.6, 1.8, 2.6, 4.6, 5.4, 6.6, 7.2}, y[] = {0, 0.8, 2, 2.8}, level[] = {0, 0.6};
+    static const double x[] = {0, 0.6, 1.8, 2.6, 4.6, 5.4, 6.6, 7.2}, y[] = {0, 0.8, 2, 2.8},
+                        level[] = {0, 0.6};
     (void)count;
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 3; j++) {
@@ -165,8 +185,8 @@ void bw_shape_part(bw_layout *l, int count) {
     bw_declare(l, 27 + 9, -2, 8);
 }
 
-/* A base of 3 by 3 cells, all lines of which are walls (below the eye, and on from the ears' corners); two lying eyes
- * of a neck and a ring cut in two: three blocks each; the standing eye of nine. */
+/* A base of 3 by 3 cells, all lines of which are walls (below the eye, and on from the ears' corners); two
+ * lying eyes of a neck and a ring cut in two: three blocks each; the standing eye of nine. */
 void bw_shape_bearing(bw_layout *l, int count) {
     static const double x[] = {0, 0.9, 2.9, 3.8}, y[] = {0, 0.8, 2.1, 2.9}, level[] = {0, 0.6};
     (void)count;

@@ -1,20 +1,27 @@
 /* A round pipe along x with a branch along z, as a thickened quad layout of its surface.
  *
- * The main pipe is unrolled to (X, T): X in -3..3 along it, T in -4..4 around it (0 on top); the branch leaves from the
- * square |X|, |T| < 1, whose border is bent to the curve in which the two cylinders meet. The branch is (P, Z): P in 0..8
- * around it, Z in 0..1 from that curve upwards. The third coordinate is the depth in the pipe's wall, 0..1 from inside.
+ * The main pipe is unrolled to (X, T): X in -3..3 along it, T in -4..4 around it (0 on top); the branch
+ * leaves from the square |X|, |T| < 1, whose border is bent to the curve in which the two cylinders meet. The
+ * branch is (P, Z): P in 0..8 around it, Z in 0..1 from that curve upwards. The third coordinate is the depth
+ * in the pipe's wall, 0..1 from inside.
  *
- *        T                     around each corner of the square there are five quads (three of the main pipe, two of the
- *     +--+--+--+               branch): four singular curves through the wall, and nothing else is singular inside
+ *        T
+ *     +--+--+--+  7 = -1
  *     |  |  |  |
- *     +--+--+--+   1           walls: from each corner along +-X to the pipe's end, around the pipe in +-T (lines X = +-1
- *     |  |  |  |               join the corners all the way round, lines T = 3, 5 carry none), along the curve between main
- *     +--+--+--+  -1           pipe and branch, and up the branch.
- *     |  |  |  |               blocks: main pipe 2 left (top, rest), 1 in the middle, 2 right; branch 4: nine.
- *     +--+--+--+  -3 = 5
+ *     +--+--+--+  5 = -3
  *     |  |  |  |
- *     +--+--+--+  -5 = 3
- *       -1  1    X
+ *     +--+--+--+  3
+ *     |  |  |  |
+ *     +--+--+--+  1
+ *     |  |()|  |
+ *     +--+--+--+ -1
+ *    -3 -1  1  3   X
+ *
+ * Around each corner of the square there are five quads, three of the main pipe and two of the branch: four
+ * singular curves through the wall, and nothing else is singular inside. Walls: from each corner along +-X to
+ * the pipe's end, around the pipe (the lines X = +-1 join the corners all the way round), along the curve
+ * between main pipe and branch, and up the branch; the lines T = 3 and T = 5 carry none. Blocks: main pipe
+ * 2 left (top, rest), 1 in the middle, 2 right; branch 4: nine.
  */
 #include <math.h>
 #include <string.h>
@@ -47,8 +54,10 @@ static void warp_tee(const double data[8], int tag, const double p[3], double ou
     out[2] = main * cos(angle);
 }
 
-/* A block over a quad of the surface: corner nodes in the order (0,0) (1,0) (0,1) (1,1), and its rectangle. */
-static void wall_block(bw_layout *l, const int64_t node[4], double u0, double u1, double v0, double v1, int tag) {
+/* A block over a quad of the surface: corner nodes in the order (0,0) (1,0) (0,1) (1,1), and its rectangle.
+ */
+static void wall_block(bw_layout *l, const int64_t node[4], double u0, double u1, double v0, double v1,
+                       int tag) {
     int64_t key[8];
     double point[8][3];
     for (int c = 0; c < 8; c++) {
@@ -60,7 +69,9 @@ static void wall_block(bw_layout *l, const int64_t node[4], double u0, double u1
     bw_layout_block_add(l, key, (const double(*)[3])point, tag);
 }
 
-static int64_t main_node(int i, int j) { return i + 4 * (j % 4); }
+static int64_t main_node(int i, int j) {
+    return i + 4 * (j % 4);
+}
 
 void bw_shape_tee(bw_layout *l, int count) {
     static const double x[] = {-3, -1, 1, 3}, t[] = {-1, 1, 3, 5, 7};
@@ -71,12 +82,14 @@ void bw_shape_tee(bw_layout *l, int count) {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 4; j++) {
             if (i == 1 && j == 0) continue;
-            int64_t node[4] = {main_node(i, j), main_node(i + 1, j), main_node(i, j + 1), main_node(i + 1, j + 1)};
+            int64_t node[4] = {main_node(i, j), main_node(i + 1, j), main_node(i, j + 1),
+                               main_node(i + 1, j + 1)};
             wall_block(l, node, x[i], x[i + 1], t[j], t[j + 1], MAIN);
         }
     for (int k = 0; k < 4; k++) {
         const int64_t *a = corner[k], *b = corner[(k + 1) % 4];
-        int64_t node[4] = {main_node((int)a[0], (int)a[1]), main_node((int)b[0], (int)b[1]), 16 + k, 16 + (k + 1) % 4};
+        int64_t node[4] = {main_node((int)a[0], (int)a[1]), main_node((int)b[0], (int)b[1]), 16 + k,
+                           16 + (k + 1) % 4};
         wall_block(l, node, 2 * k + 1, 2 * k + 3, 0, 1, BRANCH);
     }
     bw_declare(l, 9, -1, 4);

@@ -82,10 +82,12 @@ static bw_status collect(bw_context *ctx, const bw_model *m, parts *p) {
     return BW_OK;
 }
 
-static const double *parameter(const bw_model *m, const part *p, int i) { return m->parameter[p->tet][p->corner[i]]; }
+static const double *parameter(const bw_model *m, const part *p, int i) {
+    return m->parameter[p->tet][p->corner[i]];
+}
 
-/* How far the parameters of b's corners are from those of a's under one rotation and the translation that fits the first
- * corner; *moved: how far the translation is from none. */
+/* How far the parameters of b's corners are from those of a's under one rotation and the translation that
+ * fits the first corner; *moved: how far the translation is from none. */
 static double difference(const bw_model *m, const part *a, const part *b, bw_turn turn, double *moved) {
     double worst = 0, shift[3], image[3];
     *moved = 0;
@@ -103,7 +105,8 @@ static double difference(const bw_model *m, const part *a, const part *b, bw_tur
     return worst;
 }
 
-/* More than one rotation can fit a facet that has symmetries; the first that fits counts, and the identity is first. */
+/* More than one rotation can fit a facet that has symmetries; the first that fits counts, and the identity is
+ * first. */
 static void look_at_seam(const bw_model *m, const part *a, const part *b, bw_model_survey *s) {
     double moved = 0, best = INFINITY;
     int turn = 0;
@@ -192,7 +195,8 @@ bw_status bw_model_look(bw_context *ctx, const bw_model *model, bw_model_survey 
     look_at_tets(model, out);
     look_at_facets(model, &p, out);
     look_at_edges(model, &p, degree, out);
-    out->euler = (int64_t)model->vertex_count - (int64_t)out->edges + (int64_t)out->facets - (int64_t)model->tet_count;
+    out->euler =
+        (int64_t)model->vertex_count - (int64_t)out->edges + (int64_t)out->facets - (int64_t)model->tet_count;
 out:
     bw_free(ctx, degree);
     bw_free(ctx, p.facet);
