@@ -11,7 +11,8 @@ enum { CHUNK = 128 << 10, PROGRESS = 4 << 20 };
 
 static bw_status open_lines(bw_context *ctx, bw_lines *lines) {
     lines->ctx = ctx;
-    lines->buffer = bw_alloc(ctx, (size_t)BW_LINE_MAX + CHUNK + 1, 1); /* and one for the break of the last line */
+    lines->room = CHUNK;
+    lines->buffer = bw_alloc(ctx, lines->room + 1, 1); /* one more for the break of the last line */
     return lines->buffer ? BW_OK : ctx->error.status;
 }
 
@@ -63,20 +64,30 @@ static bw_status take(bw_lines *lines, char *to, size_t room, size_t *got) {
     }
 }
 
-/* Moves what is left to the front of the buffer and reads behind it. */
-static bw_status refill(bw_lines *lines) {
-    bw_status status = bw_poll(lines->ctx);
-    if (status != BW_OK) return status;
-    size_t kept = lines->filled - lines->begin, got = 0;
-    if (kept >= BW_LINE_MAX) {
-        bw_fail_element(lines->ctx, "line", (int64_t)lines->number, NULL);
-        return bw_fail(lines->ctx, BW_E_LINE, "line %llu is longer than %d bytes", (unsigned long long)lines->number, BW_LINE_MAX);
-    }
+/* Moves what is left, the start of a line, to the front of the buffer, and makes the buffer larger if it is full of it. */
+static bw_status make_room(bw_lines *lines) {
+    size_t kept = lines->filled - lines->begin;
     memmove(lines->buffer, lines->buffer + lines->begin, kept);
     lines->searched -= lines->begin;
     lines->begin = 0;
     lines->filled = kept;
-    status = take(lines, lines->buffer + kept, CHUNK, &got);
+    if (kept < lines->room) return BW_OK;
+    if (lines->room >= BW_LINE_MAX) {
+        bw_fail_element(lines->ctx, "line", (int64_t)lines->number, NULL);
+        return bw_fail(lines->ctx, BW_E_LINE, "line %llu is longer than %d bytes", (unsigned long long)lines->number, BW_LINE_MAX);
+    }
+    char *buffer = bw_resize(lines->ctx, lines->buffer, 2 * lines->room + 1, 1);
+    if (!buffer) return lines->ctx->error.status;
+    lines->buffer = buffer;
+    lines->room *= 2;
+    return BW_OK;
+}
+
+static bw_status refill(bw_lines *lines) {
+    size_t got = 0;
+    bw_status status = bw_poll(lines->ctx);
+    if (status == BW_OK) status = make_room(lines);
+    if (status == BW_OK) status = take(lines, lines->buffer + lines->filled, lines->room - lines->filled, &got);
     if (status != BW_OK) return status;
     lines->filled += got;
     lines->read += got;

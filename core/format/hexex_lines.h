@@ -2,7 +2,7 @@
  *
  * Invariants
  *  1. A line handed out is whole: [text, end), without its line break, and *end may be read (it is a blank).
- *  2. The buffer has a fixed size, so a line longer than BW_LINE_MAX is refused (BW_E_LINE) after reading that much of it.
+ *  2. The buffer never exceeds BW_LINE_MAX: a longer line is refused (BW_E_LINE) after reading that much of it.
  *  3. Lines count from 1; blank lines are passed over but counted.
  */
 #ifndef BW_FORMAT_HEXEX_LINES_H
@@ -19,6 +19,7 @@ typedef struct {
     size_t memory_left;
 
     char *buffer;
+    size_t room; /* bytes of the buffer: grows up to BW_LINE_MAX with the longest line */
     size_t begin, searched, filled; /* [begin, filled) is not handed out yet; no line break in [begin, searched) */
     bool at_end;                    /* the source has no more bytes */
 
