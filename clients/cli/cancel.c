@@ -31,9 +31,9 @@ const cli_command cli_command_cancel = {
     .name = "cancel",
     .synopsis = "ID [options]",
     .summary = "ask a job to stop",
-    .about = "A queued job is dismissed at once, a running one as soon as its worker has stopped. Cancelling "
-             "twice does\n"
-             "no harm; a job that has already ended by itself is left as it is and the exit code is 3.",
+    .about = "A queued job is dismissed at once, a running one as soon as its worker has stopped.\n"
+             "Cancelling twice does no harm; a job that has already ended by itself is left as it is\n"
+             "and the exit code is 3.",
     .examples = "  blockwright cancel 65f0c1...e2",
     .options = options,
     .option_count = sizeof options / sizeof *options,

@@ -165,11 +165,9 @@ const cli_command cli_command_fetch = {
     .name = "fetch",
     .synopsis = "ID --out DIR [options]",
     .summary = "bring the results of a job home",
-    .about =
-        "Downloads every result of the successful job ID into DIR. Each file is checked against the SHA-256 "
-        "that\n"
-        "the daemon announced and only then takes its name in DIR. Of a job that did not succeed there is\n"
-        "nothing to fetch; 'blockwright watch ID' tells why.",
+    .about = "Downloads every result of the successful job ID into DIR. Each file is checked against\n"
+             "the SHA-256 that the daemon announced and only then takes its name in DIR. Of a job that\n"
+             "did not succeed there is nothing to fetch; 'blockwright watch ID' tells why.",
     .examples = "  blockwright fetch 65f0c1...e2 --out result",
     .options = options,
     .option_count = sizeof options / sizeof *options,

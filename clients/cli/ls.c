@@ -76,8 +76,8 @@ const cli_command cli_command_ls = {
     .name = "ls",
     .synopsis = "[options]",
     .summary = "list the jobs of a daemon",
-    .about =
-        "One line per job, the newest first: id, state, progress, stage, complex, time of creation, name.",
+    .about = "One line per job, the newest first: id, state, progress, stage, complex, time of\n"
+             "creation, name.",
     .examples = "  blockwright ls\n"
                 "  blockwright ls --state failed -n 10",
     .options = options,

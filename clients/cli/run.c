@@ -1,18 +1,20 @@
 /* blockwright run: the whole pipeline in this process, no daemon. */
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "blockwright.h"
 #include "command.h"
 #include "failure.h"
+#include "joboptions.h"
 #include "summary.h"
 #include "terminal.h"
 
 typedef struct {
-    const char *out, *until, *complex;
-    int64_t threads, max_cells;
-    double tolerance;
+    const char *out;
+    cli_job_options job;
+    int64_t threads;
     uint64_t memory;
     bool quiet, verbose;
 } settings;
@@ -20,16 +22,9 @@ typedef struct {
 static const cli_option options[] = {
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR",
      "folder for the results, made if missing (required)", 0, 0},
-    {"complex", 0, CLI_CHOICE, offsetof(settings, complex), "mc|bc",
-     "mc: motorcycle complex (default); bc: base complex", 0, 0},
-    {"until", 0, CLI_TEXT, offsetof(settings, until), "STAGE",
-     "stop after this stage: sanitize, trace, build, encode (default)", 0, 0},
+    CLI_JOB_OPTIONS(settings),
     {"threads", 0, CLI_INTEGER, offsetof(settings, threads), "N",
      "threads to use (default 1); the result is the same", 1, 1024},
-    {"tolerance", 0, CLI_NUMBER, offsetof(settings, tolerance), "X",
-     "largest accepted defect of the map, relative to the edge it is on", 1e-15, 1},
-    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N",
-     "work limit of tracing, in cells of the cut complex", 1, 2e9},
     {"memory", 0, CLI_BYTES, offsetof(settings, memory), "BYTES",
      "memory limit, e.g. 500M or 4G (default none)", 0, 0},
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress and no summary, only errors", 0,
@@ -65,15 +60,16 @@ static void on_log(void *user, const char *line) {
     fputc('\n', stderr);
 }
 
-static bool read_options(const cli_command *self, const settings *s, bw_options *o) {
+/* The same check as a worker's. */
+static bw_status read_options(bw_context *ctx, const settings *s, bw_options *o) {
+    json_t *json = cli_job_options_json(&s->job);
+    char *text = json ? json_dumps(json, 0) : NULL;
     bw_options_defaults(o);
-    if (s->until && bw_stage_from_name(s->until, &o->until) != BW_OK)
-        return cli_usage_error(self, "--until is one of sanitize, trace, build, encode, not '%s'", s->until),
-               false;
-    if (s->complex) o->complex = !strcmp(s->complex, "bc") ? BW_COMPLEX_BC : BW_COMPLEX_MC;
-    if (s->tolerance > 0) o->tolerance = s->tolerance;
-    if (s->max_cells > 0) o->max_cells = (uint64_t)s->max_cells;
-    return true;
+    bw_status status = text ? bw_options_from_json(ctx, o, text, strlen(text))
+                            : bw_fail(ctx, BW_E_MEMORY, "no memory for the options");
+    free(text);
+    json_decref(json);
+    return status;
 }
 
 static void print_error(const bw_context *ctx, const char *input) {
@@ -98,13 +94,14 @@ static int run(const cli_command *self, int argc, char **argv) {
     settings s = {.threads = 1};
     cli_operands operands;
     bw_options o;
-    if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !read_options(self, &s, &o)) return CLI_USAGE;
+    if (!cli_parse(self, argc, argv, &s, &operands, 1, 1)) return CLI_USAGE;
     if (!s.out || !*s.out) return cli_usage_error(self, "--out DIR says where the results go; it is missing");
 
     cli_progress progress;
     bw_context ctx;
     cli_progress_open(&progress, s.quiet);
     bw_context_init(&ctx);
+    if (read_options(&ctx, &s, &o) != BW_OK) return cli_usage_error(self, "%s", ctx.error.message);
     ctx.threads = (int)s.threads;
     ctx.memory.limit = (size_t)s.memory;
     ctx.cancel = &cancelled;
@@ -128,19 +125,17 @@ const cli_command cli_command_run = {
     .name = "run",
     .synopsis = "INPUT --out DIR [options]",
     .summary = "decompose a part here, without a daemon",
-    .about =
-        "Reads INPUT, a tet mesh with a seamless parametrization (.hexex: 12 parameters per tet, decimals "
-        "or\n"
-        "rationals p/q), makes the map exactly seamless (sanitize), traces the walls of its motorcycle "
-        "complex\n"
-        "(trace), finds nodes, arcs, patches and blocks (build) and writes the results to DIR (encode):\n\n"
-        "  report.json    counts, displacement, seconds and peak memory per stage; the failure, if one "
-        "occurred\n"
-        "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet\n"
-        "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
-        "  traced.hexex   the tet mesh refined along the walls, with exact parameters and the wall list\n\n"
-        "The same input gives the same bytes, with any number of threads and through a daemon as well.\n"
-        "An input that cannot be decomposed is refused with the elements at fault. Ctrl-C cancels.",
+    .about = "Reads INPUT, a tet mesh with a seamless parametrization (.hexex: 12 parameters per tet,\n"
+             "decimals or rationals p/q), makes the map exactly seamless (sanitize), traces the walls\n"
+             "of its motorcycle complex (trace), finds nodes, arcs, patches and blocks (build) and\n"
+             "writes to DIR (encode):\n\n"
+             "  report.json    counts, displacement, seconds and peak memory per stage; or why it failed\n"
+             "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet\n"
+             "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
+             "  traced.hexex   the tet mesh refined along the walls, exact parameters and the wall list\n\n"
+             "The same input gives the same bytes, with any number of threads and through a daemon as\n"
+             "well. An input that cannot be decomposed is refused with the elements at fault. Ctrl-C\n"
+             "cancels.",
     .examples = "  blockwright run part.hexex --out result\n"
                 "  blockwright run part.hexex --out result --complex bc     the base complex instead\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"

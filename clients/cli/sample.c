@@ -116,14 +116,11 @@ const cli_command cli_command_sample = {
     .name = "sample",
     .synopsis = "NAME [options]",
     .summary = "make a parametrized part of known structure",
-    .about = "Writes a tet mesh with a seamless parametrization whose block structure is known: cuboids, a "
-             "cylinder,\n"
-             "a ball, tori, a pipe tee, a plate with holes and more. The same name and options give the same "
-             "bytes.\n"
-             "With --perturb the map is no longer exactly seamless, as real ones are not; 'blockwright run' "
-             "then has\n"
-             "something to sanitize. With --scramble neighbouring tets speak of the same place in different "
-             "charts.",
+    .about = "Writes a tet mesh with a seamless parametrization whose block structure is known:\n"
+             "cuboids, a cylinder, a ball, tori, a pipe tee, a plate with holes and more. The same\n"
+             "name and options give the same bytes. With --perturb the map is no longer exactly\n"
+             "seamless, as real ones are not; 'blockwright run' then has something to sanitize. With\n"
+             "--scramble neighbouring tets speak of the same place in different charts.",
     .examples = "  blockwright sample --list\n"
                 "  blockwright sample part -o part.hexex --noise 0.5 --perturb 1e-6\n"
                 "  blockwright sample plate --count 6 --size 4\n"

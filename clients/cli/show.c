@@ -19,9 +19,8 @@ const cli_command cli_command_show = {
     .name = "show",
     .synopsis = "DIR",
     .summary = "sum up a folder of results",
-    .about = "Prints what the report.json in DIR says of the input, the complex, its quality and the stages, "
-             "and the\n"
-             "files that are there.",
+    .about = "Prints what the report.json in DIR says of the input, the complex, its quality and the\n"
+             "stages, and the files that are there.",
     .examples = "  blockwright show result",
     .run = run,
 };

@@ -5,25 +5,18 @@
 #include <string.h>
 
 #include "hash.h"
+#include "joboptions.h"
 #include "remote.h"
 
 typedef struct {
-    const char *server, *complex, *until, *name, *out;
-    double tolerance;
-    int64_t max_cells;
+    const char *server, *name, *out;
+    cli_job_options job;
     bool wait, quiet;
 } settings;
 
 static const cli_option options[] = {
     CLI_SERVER_OPTION(settings),
-    {"complex", 0, CLI_CHOICE, offsetof(settings, complex), "mc|bc",
-     "mc: motorcycle complex (default); bc: base complex", 0, 0},
-    {"until", 0, CLI_CHOICE, offsetof(settings, until), "sanitize|trace|build|encode",
-     "stop after this stage", 0, 0},
-    {"tolerance", 0, CLI_NUMBER, offsetof(settings, tolerance), "X",
-     "largest accepted defect of the map, relative to the edge it is on", 1e-15, 1},
-    {"max-cells", 0, CLI_INTEGER, offsetof(settings, max_cells), "N",
-     "work limit of tracing, in cells of the cut complex", 1, 2e9},
+    CLI_JOB_OPTIONS(settings),
     {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)",
      0, 0},
     {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
@@ -74,13 +67,8 @@ out:
 
 static char *job_request(const settings *s, const char *file, const char *hash) {
     const char *slash = strrchr(file, '/');
-    json_t *o = json_object();
-    if (s->complex) json_object_set_new(o, "complex", json_string(s->complex));
-    if (s->until) json_object_set_new(o, "until", json_string(s->until));
-    if (s->tolerance > 0) json_object_set_new(o, "tolerance", json_real(s->tolerance));
-    if (s->max_cells > 0) json_object_set_new(o, "max_cells", json_integer(s->max_cells));
     const char *name = s->name ? s->name : slash ? slash + 1 : file;
-    json_t *request = json_pack("{s:s, s:o}", "input", hash, "options", o);
+    json_t *request = json_pack("{s:s, s:o}", "input", hash, "options", cli_job_options_json(&s->job));
     json_t *text = json_string(name); /* NULL if it is not UTF-8: then the job goes without a name */
     if (text) json_object_set_new(request, "name", text);
     char *body = json_dumps(request, JSON_COMPACT);
@@ -130,11 +118,10 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id is "
-             "printed on\n"
-             "standard output as soon as the daemon has stored the job for good. With --wait the command "
-             "stays until\n"
-             "the job has ended and its exit code tells how; with --out it also fetches the results.",
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id\n"
+             "is printed on standard output as soon as the daemon has stored the job for good. With\n"
+             "--wait the command stays until the job has ended and its exit code tells how; with --out\n"
+             "it also fetches the results.",
     .examples = "  blockwright submit part.hexex\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"
                 "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",

@@ -119,11 +119,10 @@ const cli_command cli_command_watch = {
     .name = "watch",
     .synopsis = "ID [options]",
     .summary = "follow a job until it has ended",
-    .about =
-        "Shows the stage and the progress of job ID until it is successful, failed or dismissed. The exit "
-        "code is\n"
-        "the one that 'blockwright run' would have ended with, so scripts can rely on it. A daemon that is\n"
-        "restarted meanwhile is waited for: its jobs go on where they were.",
+    .about = "Shows the stage and the progress of job ID until it is successful, failed or dismissed.\n"
+             "The exit code is the one that 'blockwright run' would have ended with, so scripts can\n"
+             "rely on it. A daemon that is restarted meanwhile is waited for: its jobs go on where\n"
+             "they were.",
     .examples = "  blockwright watch 65f0c1...e2\n"
                 "  blockwright watch 65f0c1...e2 --quiet && blockwright fetch 65f0c1...e2 --out result",
     .options = options,

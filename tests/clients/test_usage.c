@@ -36,6 +36,7 @@ static const struct {
     {{"run", "a", "--out", "d", "--memory", "99999999999T"}, "--memory takes a number of bytes"},
     {{"run", "a", "--out", "d", "--complex", "m"}, "--complex is one of mc|bc, not 'm'"},
     {{"run", "a", "--out", "d", "--complex", "mc|bc"}, "--complex is one of mc|bc"},
+    {{"run", "a", "--out", "d", "--tolerance", "0.5"}, "tolerance is a number"},
     {{"run", "a", "--out", "d", "--until", "lunch"}, "--until is one of sanitize"},
     {{"run", "a", "--out", "d", "--quiet=yes"}, "--quiet takes no value"},
     {{"sample"}, "which sample?"},

@@ -1,0 +1,34 @@
+/* The options of a job, the same words for `run` and `submit`. Their values are judged in one place each way:
+ * by bw_options_from_json() in place, by the daemon for a submitted job. */
+#ifndef BW_CLI_JOBOPTIONS_H
+#define BW_CLI_JOBOPTIONS_H
+
+#include <jansson.h>
+#include <stdint.h>
+
+#include "args.h"
+
+typedef struct {
+    const char *complex, *until; /* NULL: not given */
+    double tolerance;            /* 0: not given */
+    int64_t max_cells;           /* 0: not given */
+} cli_job_options;
+
+/* Rows of an option table; `settings` has a member cli_job_options job. */
+/* clang-format off */
+#define CLI_JOB_OPTIONS(settings)                                                                            \
+    {"complex", 0, CLI_CHOICE, offsetof(settings, job.complex), "mc|bc",                                     \
+     "mc: motorcycle complex (default); bc: base complex", 0, 0},                                            \
+    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|encode",                   \
+     "stop after this stage (default encode)", 0, 0},                                                        \
+    {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
+     "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \
+    {"max-cells", 0, CLI_INTEGER, offsetof(settings, job.max_cells), "N",                                    \
+     "work limit of trace, in cells of the cut complex", 1, 2e9}
+/* clang-format on */
+
+/* The options that were given, as the JSON object that jobs carry. Owned by the caller; NULL if out of
+ * memory. */
+json_t *cli_job_options_json(const cli_job_options *options);
+
+#endif
