@@ -1,5 +1,6 @@
 /* A job's way through the daemon: accepted, run stage by stage, results served, work shared between jobs. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "daemon_kit.h"
@@ -45,9 +46,186 @@ static void a_job_runs_all_stages_and_its_results_are_the_workers_bytes(void **s
     json_decref(results);
 }
 
+/* How many attempts of the job found their stage in the cache. */
+static size_t reused(const json_t *job) {
+    size_t i, n = 0;
+    json_t *attempt;
+    json_array_foreach(json_object_get(job, "attempts"), i, attempt)
+        n += json_is_true(json_object_get(attempt, "reused"));
+    return n;
+}
+
+static void a_second_equal_job_reuses_every_stage(void **state) {
+    (void)state;
+    char first[32], second[32];
+    kit_submit(&d, "encode bytes 77\n", NULL, first);
+    json_decref(kit_wait(&d, first, 20));
+    kit_submit(&d, "encode bytes 77\n", "{\"complex\":\"mc\"}", second); /* the default, said aloud */
+    json_t *job = kit_wait(&d, second, 20);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    assert_int_equal(reused(job), 4);
+    json_decref(job);
+    kit_reply a = kit_get(&d, "/v1/jobs/%s/results/data.bin", first);
+    kit_reply b = kit_get(&d, "/v1/jobs/%s/results/data.bin", second);
+    assert_int_equal(a.size, 77);
+    assert_int_equal(b.size, 77);
+    assert_memory_equal(a.body, b.body, 77);
+    kit_free(&a);
+    kit_free(&b);
+}
+
+static void a_job_reuses_the_stages_before_the_first_one_its_options_change(void **state) {
+    (void)state;
+    const char *script = "# options\n";
+    const struct {
+        const char *options;
+        size_t stages, reused;
+    } cases[] = {{"{\"until\":\"trace\"}", 2, 0},          {"{}", 4, 2},
+                 {"{\"complex\":\"bc\"}", 4, 1},             {"{\"max_cells\":5}", 4, 1},
+                 {"{\"tolerance\":0.5}", 4, 0},              {"{\"tolerance\":0.5,\"complex\":\"bc\"}", 4, 1},
+                 {"{\"until\":\"build\",\"max_cells\":5}", 3, 3}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char id[32];
+        kit_submit(&d, script, cases[i].options, id);
+        json_t *job = kit_wait(&d, id, 20);
+        assert_string_equal(kit_text(job, "state"), "successful");
+        assert_int_equal(json_array_size(json_object_get(job, "attempts")), cases[i].stages);
+        assert_int_equal(reused(job), cases[i].reused);
+        json_decref(job);
+    }
+}
+
+static void equal_jobs_at_the_same_time_make_each_output_once(void **state) {
+    (void)state;
+    char ids[6][32];
+    size_t worked = 0;
+    for (int i = 0; i < 6; i++) kit_submit(&d, "* sleep 20\n# together\n", NULL, ids[i]);
+    for (int i = 0; i < 6; i++) {
+        json_t *job = kit_wait(&d, ids[i], 20);
+        assert_string_equal(kit_text(job, "state"), "successful");
+        worked += 4 - reused(job);
+        json_decref(job);
+    }
+    assert_int_equal(worked, 4);
+}
+
+static void a_job_that_stops_early_has_no_results(void **state) {
+    (void)state;
+    char id[32];
+    kit_submit(&d, "# early\n", "{\"until\":\"build\"}", id);
+    json_decref(kit_wait(&d, id, 20));
+    kit_reply r = kit_get(&d, "/v1/jobs/%s/results", id);
+    assert_int_equal(r.status, 200);
+    json_t *results = kit_json(&r);
+    assert_int_equal(json_array_size(json_object_get(results, "results")), 0);
+    json_decref(results);
+    kit_expect_problem(kit_get(&d, "/v1/jobs/%s/report", id), 404, "no-such-result");
+}
+
+static void the_log_has_what_the_workers_said_and_cannot_be_forged(void **state) {
+    (void)state;
+    char id[32];
+    kit_submit(&d, "build log first\rsecond\n", NULL, id);
+    json_decref(kit_wait(&d, id, 20));
+    kit_reply r = kit_get(&d, "/v1/jobs/%s/log", id);
+    assert_string_equal(r.type, "text/plain; charset=utf-8");
+    assert_non_null(strstr(r.body, " build#3 first second\n"));
+    kit_free(&r);
+}
+
+static void a_running_job_tells_stage_and_progress(void **state) {
+    (void)state;
+    char id[32];
+    double progress = 0;
+    kit_submit(&d, "trace sleep 400\n", NULL, id);
+    for (int i = 0; i < 300 && progress <= 0.26; i++, kit_sleep_ms(5)) {
+        json_t *job = kit_job(&d, id);
+        progress = json_number_value(json_object_get(job, "progress"));
+        if (progress > 0.26) {
+            assert_string_equal(kit_text(job, "state"), "running");
+            assert_string_equal(kit_text(job, "stage"), "trace");
+        }
+        json_decref(job);
+    }
+    assert_true(progress > 0.26 && progress < 0.51); /* one of four stages done, the second under way */
+    json_decref(kit_wait(&d, id, 20));
+}
+
+static void a_stopped_daemon_goes_on_where_it_was(void **state) {
+    (void)state;
+    char ids[5][32], script[60];
+    for (int i = 0; i < 5; i++) {
+        snprintf(script, sizeof script, "trace sleep 100\n# stop %d\n", i);
+        kit_submit(&d, script, NULL, ids[i]);
+    }
+    kit_wait_state(&d, ids[0], "running", 10);
+    assert_int_equal(kit_stop(&d), 0);
+    kit_restart(&d, NULL);
+    for (int i = 0; i < 5; i++) {
+        json_t *job = kit_wait(&d, ids[i], 20);
+        assert_string_equal(kit_text(job, "state"), "successful");
+        json_decref(job);
+    }
+}
+
+/* Cache files without rows are deleted at the start, rows without files forgotten: both kinds of job still succeed. */
+static void a_damaged_cache_is_put_right_at_the_start(void **state) {
+    (void)state;
+    char id[32], command[400];
+    kit_submit(&d, "# cache\n", NULL, id);
+    json_decref(kit_wait(&d, id, 20));
+    kit_stop(&d);
+    snprintf(command, sizeof command, "rm -r %s/cache/* && mkdir %s/cache/00 && touch %s/cache/00/%064d", d.data, d.data,
+             d.data, 0);
+    assert_int_equal(system(command), 0);
+    kit_restart(&d, NULL);
+    snprintf(command, sizeof command, "test ! -e %s/cache/00/%064d", d.data, 0);
+    assert_int_equal(system(command), 0);
+    kit_submit(&d, "# cache\n", NULL, id);
+    json_t *job = kit_wait(&d, id, 20);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    assert_int_equal(reused(job), 0);
+    json_decref(job);
+}
+
+static void a_second_daemon_on_the_same_folder_is_refused(void **state) {
+    (void)state;
+    char command[300];
+    snprintf(command, sizeof command, "%s/blockwrightd --data %s --listen 127.0.0.1:0 --worker /bin/true 2>/dev/null",
+             BW_BIN_DIR, d.data);
+    assert_int_not_equal(system(command), 0);
+    kit_reply r = kit_get(&d, "/livez");
+    assert_int_equal(r.status, 200);
+    kit_free(&r);
+}
+
+static void the_command_line_is_checked(void **state) {
+    (void)state;
+    const char *bad[] = {"", "--data /tmp/x --listen 0.0.0.0:80", "--data /tmp/x --listen 192.168.1.1:1",
+                         "--data /tmp/x --listen [::]:1", "--data /tmp/x --listen 127.0.0.1", "--data /tmp/x --workers 0",
+                         "--data /tmp/x --max-upload 1Q", "--data /tmp/x --worker /no/such", "--colour", "--data /no/such/x"};
+    char command[300];
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        snprintf(command, sizeof command, "%s/blockwrightd %s 2>/dev/null", BW_BIN_DIR, bad[i]);
+        assert_int_equal(system(command) >> 8, 2);
+    }
+    snprintf(command, sizeof command, "%s/blockwrightd --help | grep -q curl", BW_BIN_DIR);
+    assert_int_equal(system(command), 0);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_runs_all_stages_and_its_results_are_the_workers_bytes),
+        cmocka_unit_test(a_second_equal_job_reuses_every_stage),
+        cmocka_unit_test(a_job_reuses_the_stages_before_the_first_one_its_options_change),
+        cmocka_unit_test(equal_jobs_at_the_same_time_make_each_output_once),
+        cmocka_unit_test(a_job_that_stops_early_has_no_results),
+        cmocka_unit_test(the_log_has_what_the_workers_said_and_cannot_be_forged),
+        cmocka_unit_test(a_running_job_tells_stage_and_progress),
+        cmocka_unit_test(a_stopped_daemon_goes_on_where_it_was),
+        cmocka_unit_test(a_damaged_cache_is_put_right_at_the_start),
+        cmocka_unit_test(a_second_daemon_on_the_same_folder_is_refused),
+        cmocka_unit_test(the_command_line_is_checked),
     };
     return cmocka_run_group_tests(tests, start, stop);
 }
