@@ -139,6 +139,13 @@ void bw_points_position(const bw_points *points, bw_point point, double out[3]) 
     }
 }
 
+bw_status bw_points_positions(bw_context *ctx, const bw_points *points, double (**out)[3]) {
+    *out = bw_alloc(ctx, bw_points_count(points), sizeof **out);
+    if (!*out) return ctx->error.status;
+    for (size_t v = 0; v < bw_points_count(points); v++) bw_points_position(points, (bw_point)v, (*out)[v]);
+    return BW_OK;
+}
+
 /* ---- text -------------------------------------------------------------------------------------------------------- */
 
 static size_t print_u128(u128 x, char *text) {

@@ -43,6 +43,8 @@ static inline size_t bw_points_count(const bw_points *points) {
 void bw_points_exact(const bw_points *points, bw_point point, bw_tet tet, mpq_t out[3]);
 /* Position in the input's space, to double rounding. */
 void bw_points_position(const bw_points *points, bw_point point, double out[3]);
+/* Positions of all points; bw_free'd by the caller. O(n). */
+bw_status bw_points_positions(bw_context *ctx, const bw_points *points, double (**out)[3]);
 /* The three parameters as canonical rationals p/q, integers without a denominator, each with a NUL after it. Returns the
  * length of all three. Room: BW_POINT_TEXT bytes. */
 enum { BW_POINT_TEXT = 1200 };

@@ -157,6 +157,19 @@ static int side_of_cell(const bw_tessellation *t, const bw_chart *chart, bw_cell
     return bw_chart_sign(chart, slot);
 }
 
+bw_status bw_tessellation_side(bw_context *ctx, const bw_tessellation *t, bw_chart *chart, bw_cell cell,
+                               bw_polygon polygon, int *side) {
+    bw_status status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
+    if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
+    if (status != BW_OK) return status;
+    bw_half h = t->cells->polygon[polygon].half;
+    while (t->straight[t->cells->half[h].next]) h = t->cells->half[h].next; /* any true corner turns the same way */
+    const bw_cell_half *half = t->cells->half;
+    const bw_cvertex triangle[3] = {half[h].origin, half[half[h].next].origin, half[half[half[h].next].next].origin};
+    *side = side_of_cell(t, chart, cell, polygon, triangle);
+    return BW_OK;
+}
+
 static bw_status triangles_room(bw_context *ctx, const bw_tessellation *t, bw_cell_tets *out) {
     return bw_reserve(ctx, &out->triangle, &out->triangle_room, (size_t)t->largest);
 }

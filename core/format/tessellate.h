@@ -38,6 +38,11 @@ void bw_tessellation_clear(bw_context *ctx, bw_tessellation *tessellation);
 /* The size[p] - 2 triangles of a polygon, in the sense of its half-edges. Not for two threads at a time. */
 void bw_tessellation_triangles(const bw_tessellation *tessellation, bw_polygon polygon, bw_cvertex (*triangle)[3]);
 
+/* On which side of a polygon one of its two cells is: the sign of the tet (point inside the cell, v0, v1, v2), v being a triangle
+ * of the polygon in the sense of bw_tessellation_triangles. Exact. Opens the chart. */
+bw_status bw_tessellation_side(bw_context *ctx, const bw_tessellation *tessellation, bw_chart *chart, bw_cell cell,
+                               bw_polygon polygon, int *side);
+
 /* Number of tets of all cells. O(n). */
 uint64_t bw_tessellation_count(const bw_tessellation *tessellation);
 

@@ -12,7 +12,7 @@ typedef struct {
     const bw_tet_mesh *mesh;
     bw_hexex_writer out;
     bw_traced_counts counts;
-    double (*position)[3]; /* [point] */
+    const double (*position)[3]; /* [point] */
     double *cell_volume;
     bw_chart chart;
     bw_cell_tets tets;
@@ -21,19 +21,6 @@ typedef struct {
     size_t text_room, end_room, texts;
     bw_cvertex (*triangle)[3];
 } writer;
-
-/* ---- vertices ---------------------------------------------------------------------------------------------------- */
-
-static bw_status write_vertices(writer *w) {
-    size_t count = w->counts.vertices;
-    w->position = bw_alloc(w->ctx, count, sizeof *w->position);
-    if (!w->position) return w->ctx->error.status;
-    for (size_t v = 0; v < count; v++) {
-        bw_points_position(&w->t->points, (bw_point)v, w->position[v]);
-        bw_hexex_write_vertex(&w->out, w->position[v]);
-    }
-    return bw_poll(w->ctx);
-}
 
 /* ---- tets -------------------------------------------------------------------------------------------------------- */
 
@@ -194,14 +181,15 @@ static bw_status write_features(writer *w) {
     return status == BW_OK ? features_of(w, 3, true, &facets) : status;
 }
 
-bw_status bw_traced_write(bw_context *ctx, bw_tessellation *t, const char *path, bw_traced_counts *counts,
-                          double *cell_volume) {
-    writer w = {.ctx = ctx, .t = t, .cells = t->cells, .mesh = t->cells->mesh, .cell_volume = cell_volume};
+bw_status bw_traced_write(bw_context *ctx, bw_tessellation *t, const double (*position)[3], const char *path,
+                          bw_traced_counts *counts, double *cell_volume) {
+    writer w = {.ctx = ctx, .t = t, .cells = t->cells, .mesh = t->cells->mesh, .position = position,
+                .cell_volume = cell_volume};
     w.counts.vertices = bw_points_count(&t->points);
     bw_status status = bw_hexex_write_begin(ctx, &w.out, path, w.counts.vertices);
     if (status == BW_OK && !(w.triangle = bw_alloc(ctx, (size_t)t->largest, sizeof *w.triangle)))
         status = ctx->error.status;
-    if (status == BW_OK) status = write_vertices(&w);
+    for (size_t v = 0; v < w.counts.vertices; v++) bw_hexex_write_vertex(&w.out, position[v]);
     if (status == BW_OK) status = write_tets(&w);
     if (status == BW_OK) write_walls(&w);
     if (status == BW_OK) status = write_features(&w);
@@ -209,7 +197,7 @@ bw_status bw_traced_write(bw_context *ctx, bw_tessellation *t, const char *path,
     if (status == BW_OK) status = closed;
     bw_chart_clear(ctx, &w.chart);
     bw_cell_tets_clear(ctx, &w.tets);
-    bw_free(ctx, w.position), bw_free(ctx, w.text), bw_free(ctx, w.text_end), bw_free(ctx, w.triangle);
+    bw_free(ctx, w.text), bw_free(ctx, w.text_end), bw_free(ctx, w.triangle);
     *counts = w.counts;
     return status;
 }

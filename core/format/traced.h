@@ -17,9 +17,9 @@ typedef struct {
     uint64_t vertices, tets, walls, bytes;
 } bw_traced_counts;
 
-/* Writes the file. cell_volume (may be NULL): gets each cell's volume in the input's space. BW_E_IO; BW_E_CHECK if a tet
+/* Writes the file. position: of all points (bw_points_positions). cell_volume (may be NULL): gets each cell's volume in the input's space. BW_E_IO; BW_E_CHECK if a tet
  * is not positive or a feature is none of the mesh's edges or facets. O(tets). */
-bw_status bw_traced_write(bw_context *ctx, bw_tessellation *tessellation, const char *path, bw_traced_counts *counts,
-                          double *cell_volume);
+bw_status bw_traced_write(bw_context *ctx, bw_tessellation *tessellation, const double (*position)[3], const char *path,
+                          bw_traced_counts *counts, double *cell_volume);
 
 #endif

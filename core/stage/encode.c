@@ -1,0 +1,132 @@
+#include "stage/encode.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "format/blocks_json.h"
+#include "format/traced.h"
+#include "format/view.h"
+
+typedef struct {
+    bw_context *ctx;
+    const bw_cells *cells;
+    const bw_complex *complex;
+    bw_report *report;
+    const char *folder;
+    bw_tessellation tessellation;
+    double (*position)[3]; /* [point] */
+    double *cell_volume, *block_volume;
+} encoder;
+
+/* ---- files ------------------------------------------------------------------------------------------------------- */
+
+static bw_status write_traced(encoder *e, const char *path, uint64_t *bytes) {
+    bw_traced_counts counts;
+    bw_status status = bw_traced_write(e->ctx, &e->tessellation, (const double(*)[3])e->position, path, &counts, e->cell_volume);
+    e->report->quality.traced_vertices = counts.vertices;
+    e->report->quality.traced_tets = counts.tets;
+    e->report->quality.traced_walls = counts.walls;
+    *bytes = counts.bytes;
+    for (size_t c = 0; c < e->cells->cell_count; c++) e->block_volume[e->complex->cell_block[c]] += e->cell_volume[c];
+    return status;
+}
+
+static bw_status write_blocks(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_blocks_write(e->ctx, e->cells, e->complex, e->report->complex.kind, e->block_volume,
+                           (const double(*)[3])e->position, path, bytes);
+}
+
+static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_view_write(e->ctx, &e->tessellation, e->complex, (const double(*)[3])e->position, path, bytes);
+}
+
+/* Writes under another name first, so that a file of that name is always whole. */
+static bw_status write_result(encoder *e, const char *name, bw_status (*write)(encoder *, const char *, uint64_t *)) {
+    size_t room = strlen(e->folder) + strlen(name) + sizeof "/.part";
+    char *path = bw_alloc(e->ctx, 2 * room, 1), *draft = path + room;
+    if (!path) return e->ctx->error.status;
+    snprintf(path, room, "%s/%s", e->folder, name);
+    snprintf(draft, room, "%s/%s.part", e->folder, name);
+    uint64_t bytes = 0;
+    bw_status status = write(e, draft, &bytes);
+    if (status == BW_OK && rename(draft, path))
+        status = bw_fail(e->ctx, BW_E_IO, "cannot rename %s: %s", draft, strerror(errno));
+    if (status == BW_OK) {
+        bw_report_add_result(e->report, name, bytes);
+        bw_log(e->ctx, "%s: %llu bytes", name, (unsigned long long)bytes);
+        status = bw_poll(e->ctx);
+    } else {
+        unlink(draft);
+    }
+    bw_free(e->ctx, path);
+    return status;
+}
+
+/* ---- quality ----------------------------------------------------------------------------------------------------- */
+
+static int ascending(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Sorts the values. */
+static bw_report_range range_of(double *value, size_t count) {
+    if (!count) return (bw_report_range){0, 0, 0};
+    qsort(value, count, sizeof *value, ascending);
+    double median = (value[(count - 1) / 2] + value[count / 2]) / 2;
+    return (bw_report_range){value[0], median, value[count - 1]};
+}
+
+static bw_status measure_blocks(encoder *e) {
+    size_t blocks = e->complex->block_count;
+    double *value = bw_alloc(e->ctx, 3 * blocks, sizeof *value);
+    if (!value) return e->ctx->error.status;
+    for (size_t i = 0; i < 3 * blocks; i++)
+        value[i] = ldexp((double)e->complex->block_extent[i / 3][i % 3], -e->cells->map->exponent);
+    e->report->quality.block_extent = range_of(value, 3 * blocks);
+    e->report->quality.volume = 0;
+    for (size_t i = 0; i < blocks; i++) {
+        const int64_t *x = e->complex->block_extent[i];
+        double low = fmin(fmin((double)x[0], (double)x[1]), (double)x[2]);
+        value[i] = fmax(fmax((double)x[0], (double)x[1]), (double)x[2]) / (low > 0 ? low : 1);
+    }
+    e->report->quality.block_aspect = range_of(value, blocks);
+    for (size_t i = 0; i < blocks; i++) e->report->quality.volume += value[i] = e->block_volume[i];
+    e->report->quality.block_volume = range_of(value, blocks);
+    e->report->has_quality = true;
+    bw_free(e->ctx, value);
+    return BW_OK;
+}
+
+/* ---- the stage --------------------------------------------------------------------------------------------------- */
+
+static bw_status prepare(encoder *e) {
+    if (mkdir(e->folder, 0777) && errno != EEXIST)
+        return bw_fail(e->ctx, BW_E_IO, "cannot make the folder %s: %s", e->folder, strerror(errno));
+    e->cell_volume = bw_alloc(e->ctx, e->cells->cell_count, sizeof *e->cell_volume);
+    e->block_volume = bw_alloc(e->ctx, e->complex->block_count, sizeof *e->block_volume);
+    if (!e->cell_volume || !e->block_volume) return e->ctx->error.status;
+    bw_status status = bw_tessellate(e->ctx, &e->tessellation, e->cells);
+    return status == BW_OK ? bw_points_positions(e->ctx, &e->tessellation.points, &e->position) : status;
+}
+
+bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, const bw_cells *cells,
+                    const bw_complex *complex, bw_report *report, const char *out_dir) {
+    if (cells->mesh != mesh || cells->map != map)
+        return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
+    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .report = report, .folder = out_dir};
+    bw_status status = prepare(&e);
+    if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
+    if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
+    if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
+    if (status == BW_OK) status = measure_blocks(&e);
+    if (status == BW_OK) bw_progress(ctx, 1);
+    bw_tessellation_clear(ctx, &e.tessellation);
+    bw_free(ctx, e.position), bw_free(ctx, e.cell_volume), bw_free(ctx, e.block_volume);
+    return status;
+}
