@@ -1,0 +1,180 @@
+#include "format/state.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/container.h"
+
+/* All sizes, in a section of their own; they are read before anything else. */
+typedef struct {
+    uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
+    uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell;
+    uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, torus_splits;
+    int64_t exponent;
+    uint8_t mirrored, has_cells, has_complex, unused[5];
+} counts;
+
+/* One array of the state: where its pointer is kept, and its shape. */
+typedef struct {
+    const char *tag;
+    void **data;
+    size_t elem_size, count;
+} field;
+
+enum { FIELDS_MAX = 64 };
+
+#define FIELD(tag, pointer, n) list[k++] = (field){tag, (void **)&(pointer), sizeof *(pointer), (size_t)(n)}
+
+static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
+    size_t k = 0;
+    FIELD("position", s->mesh.position, n->vertex);
+    FIELD("tet", s->mesh.tet, n->tet);
+    FIELD("tet.facet", s->mesh.tet_facet, n->tet);
+    FIELD("tet.edge", s->mesh.tet_edge, n->tet);
+    FIELD("facet", s->mesh.facet, n->facet);
+    FIELD("facet.tet", s->mesh.facet_tet, n->facet);
+    FIELD("edge", s->mesh.edge, n->edge);
+    FIELD("wall", s->mesh.wall, n->wall);
+    FIELD("wall.distance", s->mesh.wall_distance, n->wall);
+    FIELD("feature.vertex", s->mesh.feature_vertex, n->feature_vertex);
+    FIELD("feature.edge", s->mesh.feature_edge, n->feature_edge);
+    FIELD("feature.facet", s->mesh.feature_facet, n->feature_facet);
+    FIELD("value", s->map.value, n->tet);
+    FIELD("transition", s->map.transition, n->facet);
+    FIELD("align", s->map.align, n->facet);
+    FIELD("quarters", s->map.quarters, n->edge);
+    FIELD("edge.flags", s->map.edge_flags, n->edge);
+    if (n->has_cells) {
+        FIELD("cell.vertex", s->cells.vertex, n->cell_vertex);
+        FIELD("cell.edge", s->cells.edge, n->cell_edge);
+        FIELD("cell.half", s->cells.half, n->cell_half);
+        FIELD("cell.polygon", s->cells.polygon, n->cell_polygon);
+        FIELD("cell", s->cells.cell, n->cell);
+    }
+    if (!n->has_complex) return k;
+    FIELD("node.vertex", s->complex.node_vertex, n->node);
+    FIELD("node.flags", s->complex.node_flags, n->node);
+    FIELD("arc.node", s->complex.arc_node, n->arc);
+    FIELD("arc.length", s->complex.arc_length, n->arc);
+    FIELD("arc.quarters", s->complex.arc_quarters, n->arc);
+    FIELD("arc.flags", s->complex.arc_flags, n->arc);
+    FIELD("arc.edge.begin", s->complex.arc_edge_begin, n->arc + 1);
+    FIELD("arc.edge", s->complex.arc_edge, n->arc_edge);
+    FIELD("patch.block", s->complex.patch_block, n->patch);
+    FIELD("patch.side", s->complex.patch_side, n->patch);
+    FIELD("patch.extent", s->complex.patch_extent, n->patch);
+    FIELD("patch.distance", s->complex.patch_distance, n->patch);
+    FIELD("patch.flags", s->complex.patch_flags, n->patch);
+    FIELD("patch.poly.begin", s->complex.patch_polygon_begin, n->patch + 1);
+    FIELD("patch.poly", s->complex.patch_polygon, n->patch_polygon);
+    FIELD("patch.side.begin", s->complex.patch_chain_begin, 4 * n->patch + 1);
+    FIELD("patch.side.arc", s->complex.patch_chain, n->patch_chain);
+    FIELD("patch.corner", s->complex.patch_corner, n->patch);
+    FIELD("block.extent", s->complex.block_extent, n->block);
+    FIELD("block.corner", s->complex.block_corner, n->block);
+    FIELD("block.side.begin", s->complex.block_side_begin, 6 * n->block + 1);
+    FIELD("block.side", s->complex.block_side, n->block_side);
+    FIELD("block.edge.begin", s->complex.block_edge_begin, 12 * n->block + 1);
+    FIELD("block.edge", s->complex.block_edge, n->block_edge);
+    FIELD("cell.block", s->complex.cell_block, n->cell);
+    FIELD("cell.chart", s->complex.cell_chart, n->cell);
+    return k;
+}
+
+static counts count_state(const bw_state *s) {
+    counts n;
+    memset(&n, 0, sizeof n);
+    const bw_tet_mesh *m = &s->mesh;
+    const bw_cells *c = &s->cells;
+    const bw_complex *x = &s->complex;
+    n.vertex = m->vertex_count, n.tet = m->tet_count, n.facet = m->facet_count, n.edge = m->edge_count;
+    n.wall = m->wall_count, n.feature_vertex = m->feature_vertex_count;
+    n.feature_edge = m->feature_edge_count, n.feature_facet = m->feature_facet_count;
+    n.exponent = s->map.exponent, n.mirrored = m->mirrored;
+    n.has_cells = s->has_cells, n.has_complex = s->has_complex;
+    if (s->has_cells) {
+        n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
+        n.cell_polygon = c->polygon_count, n.cell = c->cell_count;
+    }
+    if (s->has_complex) {
+        n.node = x->node_count, n.arc = x->arc_count, n.patch = x->patch_count, n.block = x->block_count;
+        n.arc_edge = x->arc_edge_begin[n.arc], n.patch_polygon = x->patch_polygon_begin[n.patch];
+        n.patch_chain = x->patch_chain_begin[4 * n.patch], n.block_side = x->block_side_begin[6 * n.block];
+        n.block_edge = x->block_edge_begin[12 * n.block], n.torus_splits = x->torus_splits;
+    }
+    return n;
+}
+
+static void set_counts(bw_state *s, const counts *n) {
+    bw_tet_mesh *m = &s->mesh;
+    bw_cells *c = &s->cells;
+    bw_complex *x = &s->complex;
+    m->vertex_count = n->vertex, m->tet_count = n->tet, m->facet_count = n->facet, m->edge_count = n->edge;
+    m->wall_count = n->wall, m->feature_vertex_count = n->feature_vertex;
+    m->feature_edge_count = n->feature_edge, m->feature_facet_count = n->feature_facet;
+    m->mirrored = n->mirrored, s->map.exponent = (int32_t)n->exponent;
+    s->has_cells = n->has_cells, s->has_complex = n->has_complex;
+    c->mesh = m, c->map = &s->map;
+    c->vertex_count = c->vertex_room = n->cell_vertex, c->edge_count = c->edge_room = n->cell_edge;
+    c->half_count = c->half_room = n->cell_half, c->polygon_count = c->polygon_room = n->cell_polygon;
+    c->cell_count = c->cell_room = n->cell;
+    x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
+    x->torus_splits = n->torus_splits;
+}
+
+void bw_state_init(bw_state *state) {
+    memset(state, 0, sizeof *state);
+    bw_report_init(&state->report);
+}
+
+void bw_state_clear(bw_context *ctx, bw_state *state) {
+    bw_complex_clear(ctx, &state->complex);
+    bw_cells_clear(ctx, &state->cells);
+    bw_grid_map_clear(ctx, &state->map);
+    bw_tet_mesh_clear(ctx, &state->mesh);
+    state->has_cells = state->has_complex = false;
+}
+
+bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path) {
+    counts n = count_state(state);
+    field list[FIELDS_MAX];
+    bw_section section[FIELDS_MAX + 2];
+    size_t fields = describe(state, &n, list);
+    char *report = bw_report_to_json(&state->report);
+    if (!report) return bw_fail(ctx, BW_E_MEMORY, "no memory for the report");
+    section[0] = (bw_section){"counts", sizeof n, 1, &n};
+    section[1] = (bw_section){"report", 1, strlen(report), report};
+    for (size_t i = 0; i < fields; i++)
+        section[i + 2] = (bw_section){list[i].tag, list[i].elem_size, list[i].count, *list[i].data};
+    bw_status status = bw_container_write(ctx, path, stage, (uint32_t)version, section, fields + 2, true);
+    free(report);
+    return status;
+}
+
+static bw_status read_fields(bw_context *ctx, bw_state *state, const bw_container *file, const counts *n) {
+    field list[FIELDS_MAX];
+    size_t fields = describe(state, n, list);
+    for (size_t i = 0; i < fields; i++) {
+        const void *data = bw_container_section_of(file, list[i].tag, list[i].elem_size, list[i].count);
+        if (!data) return ctx->error.status;
+        void *copy = bw_alloc(ctx, list[i].count, list[i].elem_size);
+        if (!copy) return ctx->error.status;
+        memcpy(copy, data, list[i].count * list[i].elem_size);
+        *list[i].data = copy;
+    }
+    set_counts(state, n);
+    return BW_OK;
+}
+
+bw_status bw_state_read(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path) {
+    bw_container *file = NULL;
+    bw_status status = bw_container_open(ctx, path, stage, (uint32_t)version, &file);
+    if (status != BW_OK) return status;
+    size_t length = 0;
+    const counts *n = bw_container_section_of(file, "counts", sizeof *n, 1);
+    const char *report = bw_container_section(file, "report", 1, &length);
+    status = n && report ? read_fields(ctx, state, file, n) : ctx->error.status;
+    if (status == BW_OK) status = bw_report_from_json(ctx, report, length, &state->report);
+    bw_container_close(file);
+    return status;
+}

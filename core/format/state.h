@@ -1,0 +1,32 @@
+/* The state of a job between two stages, and its file: what one worker leaves for the next.
+ *
+ * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too; the report
+ * always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
+ * own blocks. State files are written and read by this program only and carry a checksum: what they hold is trusted once
+ * that is right.
+ *
+ * To add an array: one line in describe() of state.c, and raise the version of the stage that fills it (bw_stage_version).
+ */
+#ifndef BW_FORMAT_STATE_H
+#define BW_FORMAT_STATE_H
+
+#include "format/report_json.h"
+
+typedef struct {
+    bw_tet_mesh mesh;
+    bw_grid_map map;
+    bw_cells cells; /* borrows mesh and map of the same state: a bw_state must not be moved */
+    bw_complex complex;
+    bw_report report;
+    bool has_cells, has_complex;
+} bw_state;
+
+void bw_state_init(bw_state *state);
+void bw_state_clear(bw_context *ctx, bw_state *state);
+
+/* Writes the state that stage `stage` leaves. BW_E_IO, BW_E_MEMORY. */
+bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path);
+/* Reads the state left by stage `stage` in this version. BW_E_IO, BW_E_VERSION, BW_E_MEMORY. */
+bw_status bw_state_read(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path);
+
+#endif

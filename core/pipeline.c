@@ -1,0 +1,235 @@
+/* The table of stages: runs them, times them, and keeps the report. See blockwright.h. */
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "blockwright.h"
+#include "format/hexex.h"
+#include "format/state.h"
+#include "stage/build.h"
+#include "stage/encode.h"
+#include "stage/sanitize.h"
+#include "stage/trace.h"
+
+/* ---- the stages ---------------------------------------------------------------------------------------------------- */
+
+typedef bw_status stage_run(bw_context *ctx, const bw_options *options, bw_state *state, const char *out);
+
+static void report_sanitize(bw_report *report, const bw_sanitize_report *found) {
+    report->has_sanitize = true;
+    report->sanitize.already_exact = found->already_exact;
+    report->sanitize.displacement_max = found->displacement_max;
+    report->sanitize.residual_seamless_max = found->residual_seamless_max;
+    report->sanitize.residual_alignment_max = found->residual_alignment_max;
+    report->sanitize.cut_facets = found->cut_facets, report->sanitize.cut_edges = found->cut_edges;
+    report->sanitize.branches = found->branches, report->sanitize.nodes = found->nodes;
+    report->sanitize.cut_sheets = found->cut_sheets, report->sanitize.align_sheets = found->align_sheets;
+    report->sanitize.system_rows = found->system_rows, report->sanitize.system_columns = found->system_columns;
+    report->sanitize.system_rank = found->system_rank, report->sanitize.free_variables = found->free_variables;
+    report->sanitize.grid_exponent = found->grid_exponent;
+}
+
+static bw_status run_sanitize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    bw_sanitize_report found;
+    bw_status status = bw_sanitize(ctx, options->tolerance, &state->mesh, &state->map, &found);
+    if (state->mesh.facet_tet) bw_report_fill_input(&state->report, &state->mesh);
+    if (status != BW_OK) return status;
+    bw_report_fill_singular(&state->report, &state->mesh, &state->map);
+    report_sanitize(&state->report, &found);
+    return BW_OK;
+}
+
+static bw_status run_trace(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    state->has_cells = true;
+    bw_status status = bw_cells_init(ctx, &state->cells, &state->mesh, &state->map);
+    if (status == BW_OK) status = bw_trace(ctx, &state->cells, options->complex, options->max_cells);
+    if (status == BW_OK) status = bw_cells_check(ctx, &state->cells);
+    if (status == BW_OK) bw_report_fill_trace(&state->report, &state->cells);
+    return status;
+}
+
+static const char *complex_name(bw_complex_kind kind) { return kind == BW_COMPLEX_BC ? "bc" : "mc"; }
+
+static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    bw_status status = bw_build_complex(ctx, &state->cells, options->max_cells, &state->complex);
+    if (status != BW_OK) return status;
+    state->has_complex = true;
+    bw_report_fill_trace(&state->report, &state->cells); /* torus splitting may have cut more cells */
+    bw_report_fill_complex(&state->report, &state->complex, complex_name(options->complex));
+    return BW_OK;
+}
+
+static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)options;
+    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, &state->report, out);
+}
+
+/* A version changes whenever a stage's result for the same input does, or its state file. */
+static const struct {
+    const char *name;
+    int version;
+    stage_run *run;
+} stages[BW_STAGE_COUNT] = {
+    [BW_STAGE_SANITIZE] = {"sanitize", 1, run_sanitize},
+    [BW_STAGE_TRACE] = {"trace", 1, run_trace},
+    [BW_STAGE_BUILD] = {"build", 1, run_build},
+    [BW_STAGE_ENCODE] = {"encode", 1, run_encode},
+};
+
+const char *bw_version(void) { return BW_VERSION; }
+const char *bw_stage_name(bw_stage stage) { return stages[stage].name; }
+int bw_stage_version(bw_stage stage) { return stages[stage].version; }
+
+bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
+    for (int s = 0; s < BW_STAGE_COUNT; s++)
+        if (!strcmp(stages[s].name, name)) {
+            *stage = (bw_stage)s;
+            return BW_OK;
+        }
+    return BW_E_USAGE;
+}
+
+/* ---- options ------------------------------------------------------------------------------------------------------- */
+
+void bw_options_defaults(bw_options *options) {
+    *options = (bw_options){.complex = BW_COMPLEX_MC, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000};
+}
+
+static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
+    const char *word = json_string_value(value);
+    if (!strcmp(name, "complex")) {
+        if (!word || (strcmp(word, "mc") && strcmp(word, "bc")))
+            return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\" or \"bc\"");
+        o->complex = strcmp(word, "bc") ? BW_COMPLEX_MC : BW_COMPLEX_BC;
+    } else if (!strcmp(name, "until")) {
+        if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
+            return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");
+    } else if (!strcmp(name, "tolerance")) {
+        o->tolerance = json_number_value(value);
+        if (!json_is_number(value) || !(o->tolerance >= 0 && o->tolerance < 0.1))
+            return bw_fail(ctx, BW_E_USAGE, "option tolerance is a number from 0 to below 0.1");
+    } else if (!strcmp(name, "max_cells")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 1)
+            return bw_fail(ctx, BW_E_USAGE, "option max_cells is a positive integer");
+        o->max_cells = (uint64_t)json_integer_value(value);
+    } else {
+        return bw_fail(ctx, BW_E_USAGE, "there is no option \"%s\"", name);
+    }
+    return BW_OK;
+}
+
+bw_status bw_options_from_json(bw_context *ctx, bw_options *options, const char *json, size_t length) {
+    json_error_t error;
+    json_t *root = json_loadb(json, length, JSON_REJECT_DUPLICATES, &error);
+    bw_status status = BW_OK;
+    if (!json_is_object(root)) {
+        status = bw_fail(ctx, BW_E_USAGE, "options are a JSON object: %s", root ? "this is something else" : error.text);
+    } else {
+        const char *name;
+        json_t *value;
+        json_object_foreach(root, name, value) {
+            if (status == BW_OK) status = set_option(ctx, options, name, value);
+        }
+    }
+    json_decref(root);
+    return status;
+}
+
+/* ---- running ------------------------------------------------------------------------------------------------------- */
+
+static double seconds_now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static double begin_stage(bw_context *ctx, const char *name) {
+    ctx->stage = name;
+    ctx->memory.peak = ctx->memory.used;
+    bw_progress(ctx, 0);
+    return seconds_now();
+}
+
+static void end_stage(bw_context *ctx, bw_report *report, double since) {
+    bw_report_add_stage(report, ctx->stage, seconds_now() - since, ctx->memory.peak);
+    if (ctx->error.status == BW_OK) bw_progress(ctx, 1);
+}
+
+static bw_status load(bw_context *ctx, const char *input, bw_state *state) {
+    double since = begin_stage(ctx, "load");
+    struct stat info;
+    const char *slash = strrchr(input, '/');
+    if (strncmp(input, "/proc/", 6) && strncmp(input, "/dev/", 5)) /* a descriptor has no name worth keeping */
+        snprintf(state->report.input.file, sizeof state->report.input.file, "%s", slash ? slash + 1 : input);
+    if (stat(input, &info) == 0) state->report.input.bytes = (uint64_t)info.st_size;
+    bw_status status = bw_hexex_read(ctx, input, &state->mesh);
+    end_stage(ctx, &state->report, since);
+    return status;
+}
+
+static bw_status run_stage(bw_context *ctx, const bw_options *options, bw_stage stage, bw_state *state, const char *out) {
+    double since = begin_stage(ctx, stages[stage].name);
+    bw_status status = bw_poll(ctx);
+    if (status == BW_OK) status = stages[stage].run(ctx, options, state, out);
+    end_stage(ctx, &state->report, since);
+    return status;
+}
+
+static bw_status make_folder(bw_context *ctx, const char *path) {
+    if (mkdir(path, 0777) == 0 || errno == EEXIST) return BW_OK;
+    return bw_fail(ctx, BW_E_IO, "cannot make the folder %s: %s", path, strerror(errno));
+}
+
+/* The report is written last, and also when the job failed. */
+static bw_status write_report(bw_context *ctx, bw_state *state, const char *out) {
+    char path[4096];
+    if (snprintf(path, sizeof path, "%s/report.json", out) >= (int)sizeof path)
+        return bw_fail(ctx, BW_E_USAGE, "the name of the result folder is too long");
+    state->report.error = ctx->error;
+    return bw_report_write(ctx, &state->report, path);
+}
+
+bw_status bw_run(bw_context *ctx, const bw_options *options, const char *input, const char *out) {
+    bw_state *state = calloc(1, sizeof *state);
+    if (!state) return bw_fail(ctx, BW_E_MEMORY, "no memory for the job");
+    bw_state_init(state);
+    bw_status status = make_folder(ctx, out);
+    if (status == BW_OK) {
+        status = load(ctx, input, state);
+        for (int s = 0; s <= (int)options->until && status == BW_OK; s++) status = run_stage(ctx, options, (bw_stage)s, state, out);
+        bw_status written = write_report(ctx, state, out);
+        if (status == BW_OK) status = written;
+    }
+    bw_state_clear(ctx, state);
+    free(state);
+    return status;
+}
+
+bw_status bw_stage_run(bw_context *ctx, const bw_options *options, bw_stage stage, const char *input, const char *output) {
+    bw_state *state = calloc(1, sizeof *state);
+    if (!state) return bw_fail(ctx, BW_E_MEMORY, "no memory for the job");
+    bw_state_init(state);
+    bw_status status;
+    if (stage == BW_STAGE_SANITIZE) status = load(ctx, input, state);
+    else status = bw_state_read(ctx, state, stages[stage - 1].name, stages[stage - 1].version, input);
+    if (stage == BW_STAGE_ENCODE && status == BW_OK) status = make_folder(ctx, output);
+    if (status == BW_OK) status = run_stage(ctx, options, stage, state, output);
+    if (stage == BW_STAGE_ENCODE) {
+        bw_status written = write_report(ctx, state, output);
+        if (status == BW_OK) status = written;
+    } else if (status == BW_OK) {
+        status = bw_state_write(ctx, state, stages[stage].name, stages[stage].version, output);
+    }
+    bw_state_clear(ctx, state);
+    free(state);
+    return status;
+}
+
+char *bw_error_json(const bw_context *ctx) { return bw_report_error_json(&ctx->error); }

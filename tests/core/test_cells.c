@@ -1,0 +1,169 @@
+/* The cell complex stays conforming, convex and exact under any sequence of cuts. */
+#include "kit/kit.h"
+
+#include <stdlib.h>
+
+#include "core/sample_map.h"
+#include "mesh/cells.h"
+#include "mesh/walk.h"
+
+typedef struct {
+    bw_tet_mesh mesh;
+    bw_grid_map map;
+    bw_cells cells;
+} fixture;
+
+static bw_status start(bw_context *ctx, fixture *f, const char *name, uint64_t seed) {
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    options.size = 1, options.noise = 0.6, options.seed = seed;
+    bw_status status = sample_map(ctx, name, &options, &f->mesh, &f->map);
+    memset(&f->cells, 0, sizeof f->cells);
+    return status == BW_OK ? bw_cells_init(ctx, &f->cells, &f->mesh, &f->map) : status;
+}
+
+static void finish(bw_context *ctx, fixture *f) {
+    bw_cells_clear(ctx, &f->cells);
+    bw_grid_map_clear(ctx, &f->map);
+    bw_tet_mesh_clear(ctx, &f->mesh);
+    assert_int_equal(ctx->memory.used, 0);
+}
+
+/* A plane that is likely to meet the cell, at times through one of its vertices. */
+static bw_plane random_plane(const bw_cells *c, bw_cell cell, kit_random *random) {
+    bw_tet tet = c->cell[cell].tet;
+    bw_half h = c->polygon[c->cell[cell].first].half;
+    for (uint64_t steps = kit_random_below(random, 4); steps; steps--) h = c->half[h].next;
+    int8_t axis = (int8_t)kit_random_below(random, 3);
+    bool fraction;
+    int64_t a = bw_cells_floor(c, c->half[h].origin, tet, axis, &fraction);
+    int64_t b = bw_cells_floor(c, bw_cells_half_end(c, h), tet, axis, &fraction);
+    return (bw_plane){kit_random_below(random, 2) ? a : a + (b - a) / 3, axis};
+}
+
+static void random_cuts_keep_every_invariant(void **state) {
+    (void)state;
+    const char *names[] = {"cuboid", "torus", "ball"};
+    for (int m = 0; m < 3; m++) {
+        bw_context ctx;
+        bw_context_init(&ctx);
+        fixture f;
+        kit_random random = kit_random_start((uint64_t)m);
+        kit_expect_ok(&ctx, start(&ctx, &f, names[m], (uint64_t)m));
+        size_t before = f.cells.cell_count;
+        for (int i = 0; i < 3000; i++) {
+            bw_cell cell = (bw_cell)kit_random_below(&random, f.cells.cell_count);
+            bw_polygon section;
+            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&f.cells, cell, &random), &section));
+            if (section != BW_NONE) assert_true(bw_cells_polygon_is_leaf(&f.cells, section));
+        }
+        assert_true(f.cells.cell_count > before + 1000);
+        kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
+        finish(&ctx, &f);
+    }
+}
+
+/* The integers that decide (side, floor) against the rational coordinates they stand for, in every tet that sees a vertex. */
+static void stored_integers_agree_with_exact_coordinates(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    fixture f;
+    kit_random random = kit_random_start(9);
+    kit_expect_ok(&ctx, start(&ctx, &f, "ball", 4));
+    for (int i = 0; i < 2000; i++) {
+        bw_cell cell = (bw_cell)kit_random_below(&random, f.cells.cell_count);
+        bw_polygon section;
+        kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&f.cells, cell, &random), &section));
+    }
+    mpq_t u[3], plane;
+    mpz_t floor;
+    mpq_inits(u[0], u[1], u[2], plane, NULL);
+    mpz_init(floor);
+    size_t kinds[4] = {0, 0, 0, 0};
+    for (size_t h = 0; h < f.cells.half_count; h++) {
+        bw_polygon p = f.cells.half[h].polygon;
+        if (!bw_cells_polygon_is_leaf(&f.cells, p)) continue;
+        bw_cvertex v = f.cells.half[h].origin;
+        kinds[f.cells.vertex[v].kind]++;
+        for (int s = 0; s < 2 && f.cells.polygon[p].cell[s] != BW_NONE; s++) {
+            bw_tet tet = f.cells.cell[f.cells.polygon[p].cell[s]].tet;
+            bw_cells_parameter(&f.cells, v, tet, u);
+            for (int8_t k = 0; k < 3; k++) {
+                bool fraction;
+                int64_t low = bw_cells_floor(&f.cells, v, tet, k, &fraction);
+                mpz_fdiv_q(floor, mpq_numref(u[k]), mpq_denref(u[k]));
+                assert_int_equal(mpz_cmp_si(floor, low), 0);
+                assert_int_equal(mpz_cmp_ui(mpq_denref(u[k]), 1) != 0, fraction);
+                int64_t value = low + (int64_t)kit_random_below(&random, 3) - 1;
+                mpq_set_si(plane, value, 1);
+                int sign = mpq_cmp(u[k], plane);
+                assert_int_equal(bw_cells_side(&f.cells, v, tet, (bw_plane){value, k}), (sign > 0) - (sign < 0));
+            }
+        }
+    }
+    for (int k = 0; k < 4; k++) assert_true(kinds[k] > 100);
+    mpq_clears(u[0], u[1], u[2], plane, NULL);
+    mpz_clear(floor);
+    finish(&ctx, &f);
+}
+
+static void a_plane_that_only_touches_cuts_nothing(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    fixture f;
+    kit_expect_ok(&ctx, start(&ctx, &f, "cuboid", 1));
+    size_t cells = f.cells.cell_count, faces = 0;
+    for (size_t t = 0; t < cells; t++)
+        for (int i = 0; i < 12; i++) {
+            int64_t end = f.map.value[t][0][i % 3]; /* the lowest or highest value along an axis: a supporting plane */
+            for (int j = 1; j < 4; j++) {
+                int64_t x = f.map.value[t][j][i % 3];
+                if (i < 6 ? x < end : x > end) end = x;
+            }
+            bw_polygon section;
+            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, (bw_cell)t, (bw_plane){end, (int8_t)(i % 3)}, &section));
+            faces += section != BW_NONE;
+        }
+    assert_int_equal(f.cells.cell_count, cells);
+    assert_true(faces > 0); /* the boundary facets of the cuboid */
+    finish(&ctx, &f);
+}
+
+static void damage_is_found(void **state) {
+    (void)state;
+    for (int kind = 0; kind < 5; kind++) {
+        bw_context ctx;
+        bw_context_init(&ctx);
+        fixture f;
+        kit_expect_ok(&ctx, start(&ctx, &f, "cuboid", 2));
+        bw_polygon section = BW_NONE;
+        for (bw_cell c = 0; section == BW_NONE; c++) {
+            kit_random random = kit_random_start((uint64_t)c);
+            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, c, random_plane(&f.cells, c, &random), &section));
+            if (section != BW_NONE && f.cells.polygon[section].kind != BW_IN_TET) section = BW_NONE;
+        }
+        kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
+        bw_half h = f.cells.polygon[section].half;
+        switch (kind) {
+        case 0: f.cells.half[h].origin = bw_cells_half_end(&f.cells, h); break;
+        case 1: f.cells.half[h].radial = h; break;
+        case 2: f.cells.polygon[section].plane.value++; break;
+        case 3: f.cells.polygon[section].cell[0] = f.cells.polygon[section].cell[1]; break;
+        default: f.cells.polygon[section].child[0] = section; break;
+        }
+        kit_expect_status(&ctx, bw_cells_check(&ctx, &f.cells), BW_E_CHECK);
+        finish(&ctx, &f);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(random_cuts_keep_every_invariant),
+        cmocka_unit_test(stored_integers_agree_with_exact_coordinates),
+        cmocka_unit_test(a_plane_that_only_touches_cuts_nothing),
+        cmocka_unit_test(damage_is_found),
+    };
+    return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
+}
