@@ -119,7 +119,7 @@ static void perturb_breaks_seams_and_alignment_as_much_as_asked(void **state) {
         bw_model_survey s = survey("cylinder", &o);
         print_message("perturb %g: seams off by %g, boundary by %g\n", size, s.seam_defect,
                       s.alignment_defect);
-        assert_true(exact.seam_defect < 1e-13);
+        assert_true(exact.seam_defect == 0);
         assert_true(s.seam_defect > 0.01 * size && s.seam_defect < 4 * size);
         assert_true(s.alignment_defect > 0.01 * size && s.alignment_defect < 4 * size);
         assert_true(s.map_volume_min > 0);
@@ -165,7 +165,7 @@ static void stretch_changes_the_map_and_not_the_mesh(void **state) {
     for (int i = 0; i < 3; i++) ratio[i] = extent(&b, i) / extent(&a, i);
     print_message("extents change by %g %g %g\n", ratio[0], ratio[1], ratio[2]);
     assert_int_equal(a.tet_count, b.tet_count);
-    assert_true(fabs(ratio[0] * ratio[1] * ratio[2] - 1) < 1e-12);
+    assert_true(fabs(ratio[0] * ratio[1] * ratio[2] - 1) < 1e-8);
     assert_true(fmin(fmin(ratio[0], ratio[1]), ratio[2]) < 0.26);
     assert_true(fmax(fmax(ratio[0], ratio[1]), ratio[2]) > 3.9);
     bw_model_clear(&ctx[0], &a);

@@ -107,8 +107,7 @@ static void grid_parameter(const bw_build *w, int32_t block, const int index[3],
                            double local[3]) {
     for (int a = 0; a < 3; a++) {
         int n = bw_layout_cells(&w->layout, block, a);
-        double length = bw_layout_length(&w->layout, block, a);
-        u[a] = index[a] == n ? length : length * index[a] / n;
+        u[a] = bw_layout_length(&w->layout, block, a) / n * index[a]; /* exact: lengths are made so */
         local[a] = (double)index[a] / n;
     }
 }

@@ -4,6 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+double bw_snap(double value) {
+    return floor(value * 0x1p32 + 0.5) * 0x1p-32;
+}
+
 bw_turn bw_turn_identity(void) {
     return (bw_turn){{0, 1, 2}, {1, 1, 1}};
 }
@@ -336,7 +340,8 @@ static void size_sheets(bw_layout *l, const double *sum, const int *edges, int s
     for (size_t s = 0; s < l->sheet_count; s++) {
         int cells = (int)(size * l->sheet[s].length / shortest + 0.5);
         l->sheet[s].cells = cells < 1 ? 1 : cells;
-        l->sheet[s].length *= pow(stretch, ((int)(s % 3) - 1) / 2.0);
+        double cell = l->sheet[s].length * pow(stretch, ((int)(s % 3) - 1) / 2.0) / l->sheet[s].cells;
+        l->sheet[s].length = l->sheet[s].cells * bw_snap(cell);
     }
 }
 

@@ -113,6 +113,12 @@ int32_t bw_layout_find_face(const bw_layout *layout, const int32_t node[4]); /* 
 /* Number of blocks of the base complex, by extending walls from singular edges across regular ones (MC 2). */
 bw_status bw_layout_base_complex(const bw_layout *layout, int *blocks);
 
+/* Nearest multiple of 2^-32. Lengths of cells, parameters and chart shifts are such multiples and below 2^20,
+ * so their sums are exact: singular edges that lie on a common wall do so exactly, whichever way the charts
+ * go from one to the other. (Off by one rounding error, they would send two walls a hair apart, and the base
+ * complex would be another.) */
+double bw_snap(double value);
+
 bw_turn bw_turn_identity(void);
 bw_turn bw_turn_compose(bw_turn after, bw_turn before);
 bw_turn bw_turn_number(int number); /* 0..23, 0 is the identity */

@@ -8,8 +8,8 @@
  *
  * Invariants of a model made with perturb = 0
  *  1. Every tet is positive in space and in the parametrization.
- *  2. Across every interior facet the parameters are related by one of the 24 rotations and a translation, up
- *     to rounding of doubles; every boundary facet is constant in one parameter.
+ *  2. Across every interior facet the parameters are related by one of the 24 rotations and a translation,
+ * and every boundary facet is constant in one parameter: exactly, for all parameters are multiples of 2^-32.
  *  3. Singular edges of the map are exactly the tet edges on the layout's singular edges.
  *  4. The same name and options give the same bytes.
  */
@@ -22,7 +22,7 @@
 
 typedef struct {
     const char *name, *title;
-    int blocks_bc;       /* blocks of the base complex; the same before and after tori are split */
+    int blocks_bc;       /* of the base complex, perturb = 0; the same before and after tori are split */
     int euler;           /* vertices - edges + facets - tets */
     int singular_inside; /* interior singular curves, counted between their end nodes */
 } bw_model_info;
@@ -34,10 +34,11 @@ enum { BW_SCRAMBLE_NONE, BW_SCRAMBLE_BLOCKS, BW_SCRAMBLE_CELLS, BW_SCRAMBLE_TETS
  * count     number of holes of "plate", 1..16; 0: as many as its bw_model_info says
  * stretch   sheet lengths are multiplied by stretch^(-1/2), 1, stretch^(1/2) in turn; 0.01..100
  * noise     0..1; vertices leave their grid place by up to 0.45 cells times this
- * perturb   0..0.02; random errors of every tet's parameters, relative to the shortest edge in the map
- * seed      of noise, perturb and scramble
- * scramble  BW_SCRAMBLE_*: charts turned and moved at random; NONE combs them along a spanning tree of blocks
- * features  1: sharp edges and corners of the boundary of the map are listed as features
+ * perturb   0..0.02; random errors of every tet's parameters, relative to the shortest edge in the map;
+ * however small, they part singular edges that lay on one wall, so the base complex may get more blocks seed
+ * of noise, perturb and scramble scramble  BW_SCRAMBLE_*: charts turned and moved at random; NONE combs them
+ * along a spanning tree of blocks features  1: sharp edges and corners of the boundary of the map are listed
+ * as features
  */
 typedef struct {
     int size, count;

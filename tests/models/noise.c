@@ -119,7 +119,7 @@ static void move_vertex(mover *m, int32_t vertex, const double delta[3]) {
     memcpy(position, w->model->position[vertex], sizeof position);
     for (int try = 0; try < TRIES; try++) {
         double d[3], u[3];
-        for (int i = 0; i < 3; i++) d[i] = ldexp(delta[i], -try), u[i] = w->home[vertex][i] + d[i];
+        for (int i = 0; i < 3; i++) d[i] = bw_snap(ldexp(delta[i], -try)), u[i] = w->home[vertex][i] + d[i];
         shift_corners(m, vertex, d);
         point_at(&w->layout, w->layout.spoke[w->layout.star[w->star[vertex]].first].block, u,
                  w->model->position[vertex]);
@@ -165,7 +165,7 @@ static bw_move move_compose(const bw_move *after, const bw_move *before) {
 
 static bw_move random_move(uint64_t *state) {
     bw_move m = {.turn = bw_turn_number((int)(bw_random(state) % 24))};
-    for (int i = 0; i < 3; i++) m.shift[i] = 4 * bw_random_signed(state);
+    for (int i = 0; i < 3; i++) m.shift[i] = bw_snap(4 * bw_random_signed(state));
     return m;
 }
 
@@ -175,8 +175,8 @@ static bw_status comb(const bw_layout *l, bw_move *chart) {
     bool *done = bw_alloc(l->ctx, l->block_count, sizeof *done);
     bw_status status = l->ctx->error.status;
     if (status) goto out;
-    chart[0] =
-        (bw_move){bw_turn_identity(), {0.31830988618379067, -0.36787944117144233, 0.57721566490153286}};
+    chart[0] = (bw_move){.turn = bw_turn_identity()};
+    for (int i = 0; i < 3; i++) chart[0].shift[i] = bw_snap(0.31830988618379067 - i * 0.36787944117144233);
     size_t count = 1;
     done[0] = true;
     for (size_t i = 0; i < count; i++)
