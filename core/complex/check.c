@@ -1,7 +1,7 @@
 /* The validator of the block complex: every property of MC 4.1, from the finished structure.
  *
  *  blocks    are cuboids: positive extents, six sides tiled exactly by their patches (areas and rectangles inside the side), twelve edges
- *            covered by their chains, eight corners; every wall polygon of a block lies in the side that its patch names
+ *            covered by their chains, eight corners; the charts of their cells agree, every wall polygon lies in a side
  *  edges     of 90 degrees: every arc that a block touches lies along an edge of the block or inside a side of it
  *  patches   are rectangles: their chains form a closed walk, opposite sides are equally long
  *  regular   every singular edge is part of an arc
@@ -92,7 +92,33 @@ static bw_status check_block(const checker *k, size_t block) {
     return BW_OK;
 }
 
-/* Every vertex of every cell lies in its block's box, on the sides that its wall polygons belong to. */
+/* Neighbouring cells of a block have the same chart, and every wall polygon lies in a side of the box of its block. */
+static bw_status check_charts(const checker *k) {
+    const bw_cells *c = k->cells;
+    const bw_complex *x = k->x;
+    for (size_t p = 0; p < c->polygon_count; p++) {
+        const bw_cell_polygon *q = &c->polygon[p];
+        if (q->child[0] != BW_NONE) continue;
+        if (!(q->flags & BW_WALL)) {
+            bw_transition across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
+            bw_transition other = bw_transition_compose(&x->cell_chart[q->cell[1]], &across);
+            if (x->cell_block[q->cell[0]] != x->cell_block[q->cell[1]] || other.rotation != x->cell_chart[q->cell[0]].rotation ||
+                memcmp(other.shift, x->cell_chart[q->cell[0]].shift, sizeof other.shift))
+                return VIOLATED(k, "cells %d and %d of one block are laid out differently", q->cell[0], q->cell[1]);
+            continue;
+        }
+        for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) {
+            bw_plane plane = bw_cells_polygon_plane(c, (bw_polygon)p, c->cell[q->cell[s]].tet);
+            if (plane.axis < 0) return VIOLATED(k, "wall polygon %zu is not aligned", p);
+            plane = bw_transition_plane(&x->cell_chart[q->cell[s]], plane);
+            if (plane.value != 0 && plane.value != x->block_extent[x->cell_block[q->cell[s]]][plane.axis])
+                return VIOLATED(k, "wall polygon %zu is in no side of block %d", p, x->cell_block[q->cell[s]]);
+        }
+    }
+    return BW_OK;
+}
+
+/* Every vertex of every cell lies in its block's box. */
 static bw_status check_inside(const checker *k) {
     const bw_cells *c = k->cells;
     const bw_complex *x = k->x;
@@ -177,6 +203,7 @@ bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_comp
     bw_status status = check_arcs(&k);
     if (status == BW_OK) status = check_patches(&k);
     for (size_t b = 0; b < complex->block_count && status == BW_OK; b++) status = check_block(&k, b);
+    if (status == BW_OK) status = check_charts(&k);
     if (status == BW_OK) status = check_inside(&k);
     if (status == BW_OK) status = check_singular(&k);
     if (status == BW_OK) status = check_topology(&k);

@@ -32,48 +32,51 @@ static bw_model_options options_of(uint64_t seed, int scramble) {
     bw_model_options options;
     bw_model_options_defaults(&options);
     options.size = 2, options.noise = 0.7, options.seed = seed, options.scramble = scramble;
-    options.perturb = seed & 1 ? 1e-7 : 0;
+    options.perturb = scramble && seed & 1 ? 1e-7 : 0;
     options.stretch = seed & 2 ? 2.5 : 1;
     return options;
 }
 
-static void every_model_has_its_known_base_complex(void **state) {
+static void check_model(const bw_model_info *model, const bw_model_options *options, bw_complex_kind kind) {
+    bw_context ctx;
+    bw_context_init(&ctx);
+    fixture f;
+    bw_status status = make(&ctx, &f, model->name, options, kind);
+    if (status != BW_OK) print_message("%s seed %llu scramble %d\n", model->name, (unsigned long long)options->seed, options->scramble);
+    kit_expect_ok(&ctx, status);
+    kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
+    size_t known = (size_t)model->blocks_bc, blocks = f.complex.block_count;
+    bool exact = options->scramble == BW_SCRAMBLE_NONE && options->perturb == 0;
+    if (exact && (kind == BW_COMPLEX_BC ? blocks != known : blocks > known))
+        fail_msg("%s seed %llu: %zu blocks, %zu expected", model->name, (unsigned long long)options->seed, blocks, known);
+    for (size_t a = 0; a < f.complex.arc_count && f.complex.torus_splits == 0 && kind == BW_COMPLEX_BC; a++)
+        assert_int_equal(f.complex.arc_flags[a] & BW_ARC_T, 0); /* a base complex conforms */
+    clear(&ctx, &f);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
+static void every_model_has_its_known_blocks(void **state) {
     (void)state;
     size_t models;
     const bw_model_info *list = bw_model_list(&models);
-    uint64_t seed = kit_seed();
     for (size_t m = 0; m < models; m++)
-        for (uint64_t i = 0; i < 3; i++) {
-            bw_context ctx;
-            bw_context_init(&ctx);
-            fixture f;
-            bw_model_options options = options_of(seed + i, (int)i);
-            kit_expect_ok(&ctx, make(&ctx, &f, list[m].name, &options, BW_COMPLEX_BC));
-            kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
-            if ((int)f.complex.block_count != list[m].blocks_bc)
-                fail_msg("%s seed %llu: %zu blocks, %d expected", list[m].name, (unsigned long long)(seed + i), f.complex.block_count,
-                         list[m].blocks_bc);
-            for (size_t a = 0; a < f.complex.arc_count && f.complex.torus_splits == 0; a++)
-                assert_int_equal(f.complex.arc_flags[a] & BW_ARC_T, 0); /* a base complex conforms */
-            clear(&ctx, &f);
-            assert_int_equal(ctx.memory.used, 0);
+        for (uint64_t i = 0; i < 4; i++) {
+            bw_model_options options = options_of(kit_seed() + i, BW_SCRAMBLE_NONE);
+            check_model(&list[m], &options, i & 1 ? BW_COMPLEX_MC : BW_COMPLEX_BC);
         }
 }
 
-static void the_motorcycle_complex_has_no_more_blocks_than_the_base_complex(void **state) {
+/* Turned charts and errors in the parameters: what was one plane may now be several, a hair apart, so the number of blocks is not
+ * known; but everything that the checks demand holds. */
+static void disturbed_models_have_valid_complexes(void **state) {
     (void)state;
     size_t models;
     const bw_model_info *list = bw_model_list(&models);
-    for (size_t m = 0; m < models; m++) {
-        bw_context ctx;
-        bw_context_init(&ctx);
-        fixture f;
-        bw_model_options options = options_of(kit_seed() + 7, 1);
-        kit_expect_ok(&ctx, make(&ctx, &f, list[m].name, &options, BW_COMPLEX_MC));
-        assert_in_range(f.complex.block_count, 1, list[m].blocks_bc);
-        clear(&ctx, &f);
-        assert_int_equal(ctx.memory.used, 0);
-    }
+    for (size_t m = 0; m < models; m++)
+        for (uint64_t i = 0; i < 3; i++) {
+            bw_model_options options = options_of(kit_seed() + i, BW_SCRAMBLE_BLOCKS + (int)i);
+            check_model(&list[m], &options, BW_COMPLEX_MC);
+        }
 }
 
 static bw_status make_and_clear(bw_context *ctx, void *user) {
@@ -157,8 +160,8 @@ static void a_missing_wall_is_found(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_model_has_its_known_base_complex),
-        cmocka_unit_test(the_motorcycle_complex_has_no_more_blocks_than_the_base_complex),
+        cmocka_unit_test(every_model_has_its_known_blocks),
+        cmocka_unit_test(disturbed_models_have_valid_complexes),
         cmocka_unit_test(any_allocation_may_fail),
         cmocka_unit_test(too_many_cells_are_a_limit),
         cmocka_unit_test(damage_is_found),
