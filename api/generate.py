@@ -65,7 +65,8 @@ def option_rows(doc):
         if "default" not in schema:
             die("option %s needs a default" % name)
         low = schema.get("exclusiveMinimum", schema.get("minimum", 0))
-        yield (name, kind, schema.get("enum", []), low, "exclusiveMinimum" in schema, schema.get("maximum", 0),
+        high = schema.get("exclusiveMaximum", schema.get("maximum", 0))
+        yield (name, kind, schema.get("enum", []), low, "exclusiveMinimum" in schema, high, "exclusiveMaximum" in schema,
                json.dumps(schema["default"]))
 
 
@@ -131,9 +132,8 @@ typedef struct {
     const char *name;
     bw_option_kind kind;
     const char *const *values; /* of an enumeration, NULL-terminated */
-    double minimum;
-    bool above_minimum; /* the minimum itself is excluded */
-    double maximum;
+    double minimum, maximum;
+    bool above_minimum, below_maximum; /* the bound itself is excluded */
     const char *default_json;
 } bw_api_option;
 extern const bw_api_option bw_api_options[BW_API_OPTION_COUNT]; /* sorted by name */
@@ -167,9 +167,9 @@ def source(doc, include):
     rows = list(option_rows(doc))
     out += [names_array("values_" + r[0], r[2]) for r in rows]
     out.append("const bw_api_option bw_api_options[BW_API_OPTION_COUNT] = {")
-    for name, kind, _, low, above, high, default in rows:
-        out.append("    {%s, BW_OPTION_%s, values_%s, %r, %s, %r, %s}," % (
-            quote(name), kind, name, float(low), "true" if above else "false", float(high), quote(default)))
+    for name, kind, _, low, above, high, below, default in rows:
+        out.append("    {%s, BW_OPTION_%s, values_%s, %r, %r, %s, %s, %s}," % (
+            quote(name), kind, name, float(low), float(high), str(above).lower(), str(below).lower(), quote(default)))
     out.append("};")
     text = json.dumps(doc, indent=1, sort_keys=False, ensure_ascii=True) + "\n"
     out.append("const char bw_api_document[] =")

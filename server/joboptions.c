@@ -11,7 +11,8 @@ static const bw_api_option *find(const char *name) {
 }
 
 static bool in_range(const bw_api_option *option, double value) {
-    return (option->above_minimum ? value > option->minimum : value >= option->minimum) && value <= option->maximum;
+    return (option->above_minimum ? value > option->minimum : value >= option->minimum) &&
+           (option->below_maximum ? value < option->maximum : value <= option->maximum);
 }
 
 /* The value in its one canonical form, as a new reference; NULL if it is not a value of the option. */
@@ -38,9 +39,10 @@ static void explain(const bw_api_option *option, char *detail, size_t size) {
         for (const char *const *v = option->values; *v && at < size; v++)
             at += (size_t)snprintf(detail + at, size - at, "%s%s", v == option->values ? "one of " : ", ", *v);
     } else if (at < size) {
-        snprintf(detail + at, size - at, "%s %s %.17g and at most %.17g",
+        snprintf(detail + at, size - at, "%s %s %.15g and %s %.15g",
                  option->kind == BW_OPTION_INTEGER ? "an integer" : "a number",
-                 option->above_minimum ? "greater than" : "at least", option->minimum, option->maximum);
+                 option->above_minimum ? "greater than" : "at least", option->minimum,
+                 option->below_maximum ? "less than" : "at most", option->maximum);
     }
 }
 

@@ -82,7 +82,7 @@ static void a_job_reuses_the_stages_before_the_first_one_its_options_change(void
         size_t stages, reused;
     } cases[] = {{"{\"until\":\"trace\"}", 2, 0},          {"{}", 4, 2},
                  {"{\"complex\":\"bc\"}", 4, 1},             {"{\"max_cells\":5}", 4, 1},
-                 {"{\"tolerance\":0.5}", 4, 0},              {"{\"tolerance\":0.5,\"complex\":\"bc\"}", 4, 1},
+                 {"{\"tolerance\":0.05}", 4, 0},              {"{\"tolerance\":0.05,\"complex\":\"bc\"}", 4, 1},
                  {"{\"until\":\"build\",\"max_cells\":5}", 3, 3}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char id[32];

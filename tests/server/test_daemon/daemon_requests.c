@@ -147,7 +147,7 @@ static void a_bad_job_is_refused_with_the_reason(void **state) {
     snprintf(body, sizeof body, "{\"input\":\"%s\",\"name\":{}}", hash);
     kit_expect_problem(post_job(body), 400, "bad-json");
     const char *bad_options[] = {"[]", "{\"colour\":1}", "{\"complex\":\"xy\"}", "{\"complex\":1}", "{\"until\":\"tomorrow\"}",
-                                 "{\"tolerance\":0}", "{\"tolerance\":\"1\"}", "{\"max_cells\":0}", "{\"max_cells\":1.5}",
+                                 "{\"tolerance\":-1}", "{\"tolerance\":0.1}", "{\"tolerance\":\"1\"}", "{\"max_cells\":0}", "{\"max_cells\":1.5}",
                                  "{\"max_cells\":9000000000000000000}", "null"};
     for (size_t i = 0; i < sizeof bad_options / sizeof *bad_options; i++) {
         snprintf(body, sizeof body, "{\"input\":\"%s\",\"options\":%s}", hash, bad_options[i]);

@@ -1,0 +1,291 @@
+/* The queue: what is inserted stays, attempts are fenced by their number, every transition of queue.h's table. */
+#include <setjmp.h>
+#include <sqlite3.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "server/files.h"
+#include "server/queue.h"
+
+static char folder[64], path[96];
+static bw_queue *q;
+static const char hash[] = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+
+static int open_queue(void **state) {
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/bw-queue-XXXXXX");
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/jobs.db", folder);
+    return bw_queue_open(path, &q) == BW_OK ? 0 : -1;
+}
+
+static int close_queue(void **state) {
+    (void)state;
+    bw_queue_close(q);
+    bw_remove_tree(folder);
+    return 0;
+}
+
+static void reopen(void) {
+    bw_queue_close(q);
+    assert_int_equal(bw_queue_open(path, &q), BW_OK);
+}
+
+static void insert(bw_job *job, int stages) {
+    memset(job, 0, sizeof *job);
+    bw_job_id_make(job->id);
+    snprintf(job->input, sizeof job->input, "%s", hash);
+    job->options = strdup("{}");
+    job->name = strdup("caf\xc3\xa9 \"quoted\" '; --");
+    job->stage_count = stages;
+    job->created = 1000;
+    assert_int_equal(bw_queue_insert(q, job), BW_OK);
+}
+
+static bw_job get(const char *id) {
+    bw_job job;
+    bool found;
+    assert_int_equal(bw_queue_get(q, id, &job, &found), BW_OK);
+    assert_true(found);
+    return job;
+}
+
+static void expect(const char *id, bw_job_state state, bool open, int stage) {
+    bw_job job = get(id);
+    assert_int_equal(job.state, state);
+    assert_int_equal(job.open, open);
+    assert_int_equal(job.stage, stage);
+    bw_job_clear(&job);
+}
+
+static void claim(bw_job *job) {
+    bool done;
+    assert_int_equal(bw_queue_claim(q, job, 2000, &done), BW_OK);
+    assert_true(done);
+}
+
+static size_t waiting(int64_t now) {
+    bw_job *jobs;
+    size_t n;
+    int64_t due;
+    assert_int_equal(bw_queue_waiting(q, now, 0, 100, &jobs, &n, &due), BW_OK);
+    bw_jobs_free(jobs, n);
+    return n;
+}
+
+static void a_job_keeps_what_it_was_inserted_with(void **state) {
+    (void)state;
+    bw_job job;
+    insert(&job, 4);
+    reopen();
+    bw_job now = get(job.id);
+    assert_string_equal(now.name, job.name);
+    assert_string_equal(now.input, hash);
+    assert_int_equal(now.state, BW_JOB_QUEUED);
+    assert_int_equal(now.created, 1000);
+    bw_job_clear(&now);
+    bw_job_clear(&job);
+}
+
+static void a_job_goes_through_its_stages_to_success(void **state) {
+    (void)state;
+    bw_job job;
+    bool done;
+    insert(&job, 2);
+    claim(&job);
+    expect(job.id, BW_JOB_RUNNING, true, 0);
+    assert_int_equal(waiting(9000), 0);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, hash, 5, NULL, 3000, &done), BW_OK);
+    assert_true(done);
+    expect(job.id, BW_JOB_RUNNING, false, 1);
+    bw_job_clear(&job);
+    job = get(job.id);
+    claim(&job);
+    assert_int_equal(bw_queue_advance(q, job.id, 2, hash, 5, "[]", 4000, &done), BW_OK);
+    bw_job now = get(job.id);
+    assert_int_equal(now.state, BW_JOB_SUCCESSFUL);
+    assert_int_equal(now.finished, 4000);
+    assert_string_equal(now.result_key, hash);
+    bw_job_clear(&now);
+    bw_job_clear(&job);
+}
+
+/* Whatever an outdated attempt reports, nothing changes. */
+static void an_attempt_that_is_not_the_jobs_any_more_changes_nothing(void **state) {
+    (void)state;
+    bw_job job;
+    bool done;
+    int recovered;
+    insert(&job, 4);
+    claim(&job);
+    assert_int_equal(bw_queue_recover(q, 2500, &recovered), BW_OK);
+    assert_int_equal(recovered, 1);
+    for (int again = 0; again < 2; again++) {
+        bw_queue_advance(q, job.id, 1, hash, 5, NULL, 3000, &done);
+        assert_false(done);
+        bw_queue_fail(q, job.id, 1, "io", "{}", 3000, &done);
+        assert_false(done);
+        bw_queue_retry(q, job.id, 1, "io", 0, 3000, &done);
+        assert_false(done);
+        bw_queue_dismiss(q, job.id, 1, 3000, &done);
+        assert_false(done);
+        bw_queue_interrupt(q, job.id, 1, 3000, &done);
+        assert_false(done);
+        expect(job.id, again ? BW_JOB_RUNNING : BW_JOB_QUEUED, again != 0, 0);
+        bool found;
+        assert_int_equal(bw_queue_output(q, hash, &found, NULL), BW_OK);
+        assert_false(found);
+        bw_queue_claim(q, &job, 3500, &done); /* `job` still says attempt 1: right, the recovery made no new number */
+        assert_int_equal(done, !again);
+    }
+    bw_job_clear(&job);
+}
+
+static void a_job_is_claimed_only_once(void **state) {
+    (void)state;
+    bw_job job, copy;
+    bool done;
+    insert(&job, 4);
+    copy = get(job.id);
+    claim(&job);
+    assert_int_equal(bw_queue_claim(q, &copy, 2000, &done), BW_OK);
+    assert_false(done);
+    assert_int_equal(bw_queue_reuse(q, &copy, "", 2000, &done), BW_OK);
+    assert_false(done);
+    bw_job_clear(&copy);
+    bw_job_clear(&job);
+}
+
+static void tries_are_counted_at_the_claim_and_given_back_when_the_daemon_died(void **state) {
+    (void)state;
+    bw_job job;
+    bool done;
+    int recovered;
+    insert(&job, 4);
+    claim(&job);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 5000, 2100, &done), BW_OK);
+    assert_int_equal(waiting(4999), 0);
+    assert_int_equal(waiting(5000), 1);
+    bw_job_clear(&job);
+    job = get(job.id);
+    assert_int_equal(job.tries, 1);
+    claim(&job);
+    assert_int_equal(job.tries, 2);
+    reopen();
+    assert_int_equal(bw_queue_recover(q, 6000, &recovered), BW_OK);
+    bw_job_clear(&job);
+    job = get(job.id);
+    assert_int_equal(job.tries, 1);
+    assert_int_equal(job.attempt, 2);
+    bw_job_clear(&job);
+}
+
+static void a_daemon_that_dies_of_a_job_again_and_again_gives_it_up(void **state) {
+    (void)state;
+    bw_job job;
+    int recovered, rounds = 0;
+    insert(&job, 4);
+    while (job.state != BW_JOB_FAILED && rounds <= BW_INTERRUPTIONS_MOST) {
+        claim(&job);
+        assert_int_equal(bw_queue_recover(q, 3000, &recovered), BW_OK);
+        bw_job_clear(&job);
+        job = get(job.id);
+        rounds++;
+    }
+    assert_int_equal(rounds, BW_INTERRUPTIONS_MOST + 1);
+    assert_int_equal(job.state, BW_JOB_FAILED);
+    bw_job_clear(&job);
+}
+
+static void cancelling_is_idempotent_in_every_state(void **state) {
+    (void)state;
+    bw_job job;
+    bw_cancel result;
+    bool done;
+    int recovered;
+    assert_int_equal(bw_queue_cancel(q, "nobody", 1, &result), BW_OK);
+    assert_int_equal(result, BW_CANCEL_UNKNOWN);
+    insert(&job, 4);
+    for (int i = 0; i < 2; i++) {
+        bw_queue_cancel(q, job.id, 1500 + i, &result);
+        assert_int_equal(result, BW_CANCEL_DISMISSED);
+        expect(job.id, BW_JOB_DISMISSED, false, 0);
+    }
+    bw_job_clear(&job);
+    insert(&job, 4);
+    claim(&job);
+    for (int i = 0; i < 2; i++) {
+        bw_queue_cancel(q, job.id, 2500, &result);
+        assert_int_equal(result, BW_CANCEL_NOTED);
+        expect(job.id, BW_JOB_RUNNING, true, 0);
+    }
+    assert_int_equal(bw_queue_recover(q, 2600, &recovered), BW_OK); /* a noted cancel survives the daemon */
+    expect(job.id, BW_JOB_DISMISSED, false, 0);
+    bw_job_clear(&job);
+    insert(&job, 1);
+    claim(&job);
+    bw_queue_advance(q, job.id, 1, hash, 1, "[]", 3000, &done);
+    bw_queue_cancel(q, job.id, 3100, &result);
+    assert_int_equal(result, BW_CANCEL_TOO_LATE);
+    expect(job.id, BW_JOB_SUCCESSFUL, false, 1);
+    bw_job_clear(&job);
+}
+
+static bool nothing_is_present(void *user, const char *key) {
+    (void)user, (void)key;
+    return false;
+}
+
+static void cache_rows_without_files_are_forgotten(void **state) {
+    (void)state;
+    bw_job job;
+    bool done, found;
+    int forgotten;
+    char *manifest;
+    insert(&job, 1);
+    claim(&job);
+    bw_queue_advance(q, job.id, 1, hash, 1, "[7]", 3000, &done);
+    assert_int_equal(bw_queue_output(q, hash, &found, &manifest), BW_OK);
+    assert_true(found);
+    assert_string_equal(manifest, "[7]");
+    free(manifest);
+    assert_int_equal(bw_queue_sweep_outputs(q, nothing_is_present, NULL, &forgotten), BW_OK);
+    assert_int_equal(forgotten, 1);
+    assert_int_equal(bw_queue_output(q, hash, &found, NULL), BW_OK);
+    assert_false(found);
+    bw_job_clear(&job);
+}
+
+static void the_file_of_a_newer_daemon_is_refused_and_left_alone(void **state) {
+    (void)state;
+    sqlite3 *db;
+    bw_queue *other;
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, "PRAGMA user_version = 99", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(bw_queue_open(path, &other), BW_E_VERSION);
+    assert_int_equal(sqlite3_exec(db, "PRAGMA user_version = 1", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_job_keeps_what_it_was_inserted_with, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_job_goes_through_its_stages_to_success, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(an_attempt_that_is_not_the_jobs_any_more_changes_nothing, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_job_is_claimed_only_once, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(tries_are_counted_at_the_claim_and_given_back_when_the_daemon_died, open_queue,
+                                        close_queue),
+        cmocka_unit_test_setup_teardown(a_daemon_that_dies_of_a_job_again_and_again_gives_it_up, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(cancelling_is_idempotent_in_every_state, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(cache_rows_without_files_are_forgotten, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(the_file_of_a_newer_daemon_is_refused_and_left_alone, open_queue, close_queue),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
