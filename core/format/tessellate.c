@@ -127,7 +127,7 @@ void bw_tessellation_triangles(const bw_tessellation *t, bw_polygon polygon, bw_
 
 /* ---- cells ------------------------------------------------------------------------------------------------------- */
 
-/* Slots of all vertices of a cell; the first `count` entries of the open chart if it was opened for this cell. */
+/* Lists all vertices of a cell in the open chart. */
 static bw_status list_vertices(bw_context *ctx, const bw_tessellation *t, bw_chart *chart, bw_cell cell) {
     int32_t slot;
     FOR_POLYGONS(t->cells, p, cell)
@@ -138,36 +138,42 @@ static bw_status list_vertices(bw_context *ctx, const bw_tessellation *t, bw_cha
     return BW_OK;
 }
 
-/* Sign that a tet (inner point of the cell, triangle) has for the triangles of a polygon: that of the tet with the cell's vertex
- * that is farthest from the plane. */
-static int side_of_cell(const bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_polygon polygon,
-                        const bw_cvertex triangle[3]) {
-    int32_t slot[4], best = BW_NONE;
+/* bw_tessellation_side, the cell's vertices being listed: the sign of the tet with the cell's vertex that is farthest from the
+ * plane. A polygon's two cells are on opposite sides, so one answer serves both. */
+static int side_of_cell(bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_polygon polygon) {
+    const bw_cell_half *half = t->cells->half;
+    int turn = t->cells->polygon[polygon].cell[0] == cell ? 1 : -1;
+    if (t->side[polygon]) return turn * t->side[polygon];
+    bw_half h = t->cells->polygon[polygon].half;
+    while (t->straight[half[h].next]) h = half[h].next; /* any true corner turns the same way */
+    int32_t slot[4] = {BW_NONE, chart->slot[half[h].origin], chart->slot[half[half[h].next].origin],
+                       chart->slot[half[half[half[h].next].next].origin]};
+    int32_t best = BW_NONE;
     double largest = -1;
-    for (int i = 0; i < 3; i++) slot[i + 1] = chart->slot[triangle[i]];
     FOR_POLYGONS(t->cells, q, cell) {
         if (q == polygon) continue;
-        FOR_HALVES(t->cells, h, q) {
-            slot[0] = chart->slot[t->cells->half[h].origin];
+        FOR_HALVES(t->cells, x, q) {
+            slot[0] = chart->slot[half[x].origin];
             double volume = fabs(bw_chart_volume(chart, slot));
             if (volume > largest) largest = volume, best = slot[0];
         }
     }
     slot[0] = best;
-    return bw_chart_sign(chart, slot);
+    int sign = bw_chart_sign(chart, slot);
+    t->side[polygon] = (int8_t)(turn * sign);
+    return sign;
 }
 
-bw_status bw_tessellation_side(bw_context *ctx, const bw_tessellation *t, bw_chart *chart, bw_cell cell,
-                               bw_polygon polygon, int *side) {
-    bw_status status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
-    if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
-    if (status != BW_OK) return status;
-    bw_half h = t->cells->polygon[polygon].half;
-    while (t->straight[t->cells->half[h].next]) h = t->cells->half[h].next; /* any true corner turns the same way */
-    const bw_cell_half *half = t->cells->half;
-    const bw_cvertex triangle[3] = {half[h].origin, half[half[h].next].origin, half[half[half[h].next].next].origin};
-    *side = side_of_cell(t, chart, cell, polygon, triangle);
-    return BW_OK;
+bw_status bw_tessellation_side(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_polygon polygon, int slot,
+                               int *side) {
+    bw_cell cell = t->cells->polygon[polygon].cell[slot];
+    bw_status status = BW_OK;
+    if (!t->side[polygon]) {
+        status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
+        if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
+    }
+    if (status == BW_OK) *side = side_of_cell(t, chart, cell, polygon);
+    return status;
 }
 
 static bw_status triangles_room(bw_context *ctx, const bw_tessellation *t, bw_cell_tets *out) {
@@ -175,11 +181,11 @@ static bw_status triangles_room(bw_context *ctx, const bw_tessellation *t, bw_ce
 }
 
 /* Whether a listed point sees all triangles of the cell from inside, as far as doubles can prove it. */
-static bool is_inside(const bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_point point,
+static bool is_inside(bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_point point,
                       bw_cvertex (*triangle)[3]) {
     FOR_POLYGONS(t->cells, p, cell) {
         bw_tessellation_triangles(t, p, triangle);
-        int side = side_of_cell(t, chart, cell, p, triangle[0]);
+        int side = side_of_cell(t, chart, cell, p);
         for (int32_t i = 0; i < t->size[p] - 2; i++) {
             int32_t slot[4] = {chart->slot[point], chart->slot[triangle[i][0]], chart->slot[triangle[i][1]],
                                chart->slot[triangle[i][2]]};
@@ -269,7 +275,7 @@ static bool triangle_has(const bw_cvertex triangle[3], bw_point v) {
     return triangle[0] == v || triangle[1] == v || triangle[2] == v;
 }
 
-bw_status bw_tessellation_cell(bw_context *ctx, const bw_tessellation *t, bw_chart *chart, bw_cell cell,
+bw_status bw_tessellation_cell(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_cell cell,
                                bw_cell_tets *out) {
     out->count = 0;
     int32_t apex, slot[4];
@@ -280,10 +286,11 @@ bw_status bw_tessellation_cell(bw_context *ctx, const bw_tessellation *t, bw_cha
     FOR_POLYGONS(t->cells, p, cell) {
         size_t triangles = (size_t)t->size[p] - 2;
         bw_tessellation_triangles(t, p, out->triangle);
+        if (t->cells->polygon[p].flags & BW_WALL) side_of_cell(t, chart, cell, p); /* while it is cheap: the view asks */
         if (triangle_has(out->triangle[0], t->apex[cell])) continue; /* then all of them do */
         status = bw_reserve(ctx, &out->tet, &out->room, out->count + triangles);
         if (status != BW_OK) return status;
-        int side = side_of_cell(t, chart, cell, p, out->triangle[0]);
+        int side = side_of_cell(t, chart, cell, p);
         for (size_t i = 0; i < triangles; i++) {
             const bw_cvertex *v = out->triangle[i];
             bw_point *tet = out->tet[out->count++];
@@ -312,6 +319,7 @@ bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, const bw_cells *c
     out->size = bw_alloc(ctx, cells->polygon_count, sizeof *out->size);
     out->fan = bw_alloc(ctx, cells->polygon_count, sizeof *out->fan);
     out->apex = bw_alloc(ctx, cells->cell_count, sizeof *out->apex);
+    out->side = bw_alloc(ctx, cells->polygon_count, sizeof *out->side);
     status = ctx->error.status;
     if (status == BW_OK) status = count_sizes(out);
     if (status == BW_OK && !(out->ring = bw_alloc(ctx, 2 * (size_t)out->largest, sizeof *out->ring)))
@@ -327,6 +335,6 @@ bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, const bw_cells *c
 void bw_tessellation_clear(bw_context *ctx, bw_tessellation *t) {
     bw_points_clear(ctx, &t->points);
     bw_free(ctx, t->straight), bw_free(ctx, t->size), bw_free(ctx, t->fan), bw_free(ctx, t->apex);
-    bw_free(ctx, t->tet_begin), bw_free(ctx, t->tet_cell), bw_free(ctx, t->ring);
+    bw_free(ctx, t->side), bw_free(ctx, t->tet_begin), bw_free(ctx, t->tet_cell), bw_free(ctx, t->ring);
     *t = (bw_tessellation){0};
 }

@@ -24,6 +24,7 @@ typedef struct {
     int32_t *size;        /* [polygon] vertices; 0 if not a leaf */
     bw_half *fan;         /* [polygon] */
     bw_point *apex;       /* [cell] */
+    int8_t *side;         /* [polygon] what bw_tessellation_side gives for its cell[0]; 0: not yet asked for */
     size_t *tet_begin;    /* [tet + 1]: its cells, ascending */
     bw_cell *tet_cell;
     int32_t largest;      /* vertices of the largest polygon */
@@ -38,10 +39,10 @@ void bw_tessellation_clear(bw_context *ctx, bw_tessellation *tessellation);
 /* The size[p] - 2 triangles of a polygon, in the sense of its half-edges. Not for two threads at a time. */
 void bw_tessellation_triangles(const bw_tessellation *tessellation, bw_polygon polygon, bw_cvertex (*triangle)[3]);
 
-/* On which side of a polygon one of its two cells is: the sign of the tet (point inside the cell, v0, v1, v2), v being a triangle
- * of the polygon in the sense of bw_tessellation_triangles. Exact. Opens the chart. */
-bw_status bw_tessellation_side(bw_context *ctx, const bw_tessellation *tessellation, bw_chart *chart, bw_cell cell,
-                               bw_polygon polygon, int *side);
+/* On which side of a polygon its cell[slot] is: the sign of the tet (point inside the cell, v0, v1, v2), v being a triangle of
+ * the polygon in the sense of bw_tessellation_triangles. Exact. Opens the chart unless the answer is known. */
+bw_status bw_tessellation_side(bw_context *ctx, bw_tessellation *tessellation, bw_chart *chart, bw_polygon polygon,
+                               int slot, int *side);
 
 /* Number of tets of all cells. O(n). */
 uint64_t bw_tessellation_count(const bw_tessellation *tessellation);
@@ -53,7 +54,7 @@ typedef struct {
     bw_cvertex (*triangle)[3]; /* scratch */
     size_t triangle_room;
 } bw_cell_tets;
-bw_status bw_tessellation_cell(bw_context *ctx, const bw_tessellation *tessellation, bw_chart *chart, bw_cell cell,
+bw_status bw_tessellation_cell(bw_context *ctx, bw_tessellation *tessellation, bw_chart *chart, bw_cell cell,
                                bw_cell_tets *out);
 void bw_cell_tets_clear(bw_context *ctx, bw_cell_tets *tets);
 

@@ -247,9 +247,24 @@ static bw_status choose_again(chooser *c, bw_cell cell) {
     return status;
 }
 
+/* A cell of four triangles is a tet: coned from its lowest vertex it stays one, and no neighbour is constrained. */
+static bool choose_tet(const chooser *c, bw_cell cell) {
+    const bw_cells *cells = c->cells;
+    int polygons = 0;
+    bw_cvertex lowest = INT32_MAX;
+    for (bw_polygon p = cells->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell)) {
+        if (c->t->size[p] > 3 || ++polygons > 4) return false;
+        for (int i = 0, h = cells->polygon[p].half; i < 3; i++, h = cells->half[h].next)
+            if (cells->half[h].origin < lowest) lowest = cells->half[h].origin;
+    }
+    c->t->apex[cell] = lowest;
+    return true;
+}
+
 static bw_status count_candidates(chooser *c, int32_t *most) {
     bw_status status = BW_OK;
     for (size_t i = 0; i < c->cells->cell_count && status == BW_OK; i++) {
+        if (choose_tet(c, (bw_cell)i)) continue;
         status = view_open(c, &c->near, (bw_cell)i);
         if (status != BW_OK) break;
         find_candidates(c, &c->near);

@@ -10,7 +10,7 @@ enum { WALLS, SKINS, CURVES, PARTS };
 
 typedef struct {
     bw_context *ctx;
-    const bw_tessellation *t;
+    bw_tessellation *t;
     const bw_complex *complex;
     const bw_cells *cells;
     const double (*position)[3];
@@ -133,8 +133,8 @@ static bw_status add_skin(maker *m, bw_patch patch, int which) {
     bw_status status = add_id(m, id);
     for (size_t i = c->patch_polygon_begin[patch]; i < c->patch_polygon_begin[patch + 1] && status == BW_OK; i++) {
         bw_polygon p = c->patch_polygon[i];
-        int side;
-        status = bw_tessellation_side(m->ctx, m->t, &m->chart, bw_patch_cell(m->cells, c, patch, p, which), p, &side);
+        int side, slot = m->cells->polygon[p].cell[0] != bw_patch_cell(m->cells, c, patch, p, which);
+        status = bw_tessellation_side(m->ctx, m->t, &m->chart, p, slot, &side);
         if (status == BW_OK) status = add_polygon(m, p, side > 0);
     }
     return status;
@@ -203,7 +203,7 @@ static bw_status write_file(maker *m, uint8_t *const blob[PARTS], const size_t l
     return bw_output_close(&out, bytes);
 }
 
-bw_status bw_view_write(bw_context *ctx, const bw_tessellation *t, const bw_complex *complex,
+bw_status bw_view_write(bw_context *ctx, bw_tessellation *t, const bw_complex *complex,
                         const double (*position)[3], const char *path, uint64_t *bytes) {
     static bw_status (*const make[PARTS])(maker *) = {make_walls, make_skins, make_curves};
     maker m = {.ctx = ctx, .t = t, .complex = complex, .cells = t->cells, .position = position};

@@ -35,7 +35,7 @@ bw_view_lattice bw_view_lattice_of(const bw_tet_mesh *mesh);
 void bw_view_quantize(const bw_view_lattice *lattice, const double position[3], int32_t out[3]);
 
 /* Writes the file. position: of every vertex of the cell complex. bytes: its size. BW_E_IO, BW_E_MEMORY. */
-bw_status bw_view_write(bw_context *ctx, const bw_tessellation *tessellation, const bw_complex *complex,
+bw_status bw_view_write(bw_context *ctx, bw_tessellation *tessellation, const bw_complex *complex,
                         const double (*position)[3], const char *path, uint64_t *bytes);
 
 #endif
