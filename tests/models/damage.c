@@ -56,13 +56,27 @@ static bool on_boundary(const bw_model *m, size_t tet, int opposite) {
     return true;
 }
 
-/* Do all tets around a vertex give it these parameters, up to rounding? */
-static bool one_chart(const bw_model *m, int32_t vertex, const double u[3]) {
-    for (size_t i = 0; i < 4 * m->tet_count; i++) {
-        if (m->tet[i / 4][i % 4] != vertex) continue;
-        for (int a = 0; a < 3; a++)
-            if (fabs(m->parameter[i / 4][i % 4][a] - u[a]) > 1e-9) return false;
+static int local_corner(const int32_t *tet, int32_t vertex) {
+    for (int i = 0; i < 4; i++)
+        if (tet[i] == vertex) return i;
+    return -1;
+}
+
+/* Do the charts of two tets agree in all vertices that the tets share? */
+static bool charts_agree(const bw_model *m, size_t s, size_t t) {
+    for (int i = 0; i < 4; i++) {
+        int j = local_corner(m->tet[t], m->tet[s][i]);
+        for (int a = 0; j >= 0 && a < 3; a++)
+            if (fabs(m->parameter[s][i][a] - m->parameter[t][j][a]) > 1e-9) return false;
     }
+    return true;
+}
+
+/* Do the charts of all tets around a vertex agree? */
+static bool one_chart(const bw_model *m, int32_t vertex) {
+    for (size_t s = 0; s < m->tet_count; s++)
+        for (size_t t = 0; local_corner(m->tet[s], vertex) >= 0 && t < s; t++)
+            if (local_corner(m->tet[t], vertex) >= 0 && !charts_agree(m, s, t)) return false;
     return true;
 }
 
@@ -76,11 +90,11 @@ static void tilt(bw_model *m, size_t start) {
         int o = (int)(n % 4), c = (o + 1) % 4;
         if (!on_boundary(m, t, o)) continue;
         tet = t, corner = c, opposite = o;
-        if (one_chart(m, m->tet[t][c], m->parameter[t][c])) break;
+        if (one_chart(m, m->tet[t][c])) break;
     }
     double old[3], step[3];
     memcpy(old, m->parameter[tet][corner], sizeof old);
-    bool shared = one_chart(m, m->tet[tet][corner], old);
+    bool shared = one_chart(m, m->tet[tet][corner]);
     for (int i = 0; i < 3; i++) step[i] = 0.05 * (m->parameter[tet][opposite][i] - old[i]);
     for (size_t i = 0; i < 4 * m->tet_count; i++)
         if (m->tet[i / 4][i % 4] == m->tet[tet][corner] && (shared || i / 4 == tet))

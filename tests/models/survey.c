@@ -107,11 +107,12 @@ static double difference(const bw_model *m, const part *a, const part *b, bw_tur
 
 /* More than one rotation can fit a facet that has symmetries; the first that fits counts, and the identity is
  * first. */
-static void look_at_seam(const bw_model *m, const part *a, const part *b, bw_model_survey *s) {
+static void look_at_seam(const bw_model *m, const part *a, const part *b, const bw_turn *turns,
+                         bw_model_survey *s) {
     double moved = 0, best = INFINITY;
     int turn = 0;
-    for (int r = 0; r < 24; r++) {
-        double shift, d = difference(m, a, b, bw_turn_number(r), &shift);
+    for (int r = 0; r < 24 && best > 0; r++) {
+        double shift, d = difference(m, a, b, turns[r], &shift);
         if (r == 0) moved = shift;
         if (d < best - 1e-9) best = d, turn = r;
     }
@@ -131,13 +132,15 @@ static double flatness(const bw_model *m, const part *f) {
 }
 
 static void look_at_facets(const bw_model *m, const parts *p, bw_model_survey *s) {
+    bw_turn turns[24];
+    for (int r = 0; r < 24; r++) turns[r] = bw_turn_number(r);
     for (size_t i = 0, n; i < p->facets; i += n) {
         n = run(p->facet, p->facets, i);
         s->facets++;
         if (n > s->facet_tets_max) s->facet_tets_max = n;
         if (n == 1) s->alignment_defect = fmax(s->alignment_defect, flatness(m, &p->facet[i]));
         if (n > 1) s->facets_flat += flatness(m, &p->facet[i]) < 1e-9;
-        for (size_t k = 1; k < n; k++) look_at_seam(m, &p->facet[i], &p->facet[i + k], s);
+        for (size_t k = 1; k < n; k++) look_at_seam(m, &p->facet[i], &p->facet[i + k], turns, s);
     }
 }
 
