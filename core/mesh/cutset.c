@@ -18,6 +18,7 @@ typedef struct {
 void bw_cutset_clear(bw_context *ctx, bw_cutset *cut) {
     bw_free(ctx, cut->comb);
     bw_free(ctx, cut->shift);
+    bw_free(ctx, cut->chart);
     bw_free(ctx, cut->side);
     bw_free(ctx, cut->cut_sheet);
     bw_free(ctx, cut->align_sheet);
@@ -50,6 +51,7 @@ static bw_status comb_shift(cutter *w, bw_facet f, bw_tet from, bw_tet to) {
     }
     bool same = w->cut->comb[from] == w->cut->comb[to];
     for (int k = 0; k < 3; k++) same = same && low[k] <= w->seams->defect && high[k] >= -w->seams->defect;
+    w->cut->chart[to] = same ? w->cut->chart[from] : (int32_t)w->cut->charts++;
     for (int k = 0; k < 3; k++) w->cut->shift[to][k] = w->cut->shift[from][k] + (same ? 0 : sum[k] / 3);
     for (int k = 0; k < 3; k++)
         if (llabs(w->cut->shift[to][k]) > BW_COMBED_MAX)
@@ -65,6 +67,7 @@ static bw_status comb_charts(cutter *w) {
         size_t head = 0, tail = 0;
         if (w->seen[root]) continue;
         w->seen[root] = 1;
+        w->cut->chart[root] = (int32_t)w->cut->charts++;
         w->queue[tail++] = (int32_t)root;
         while (head < tail) {
             bw_tet t = w->queue[head++];
@@ -283,6 +286,7 @@ bw_status bw_cutset_init(bw_context *ctx, bw_cutset *cut, const bw_tet_mesh *mes
     w.across = bw_alloc(ctx, mesh->facet_count, sizeof *w.across);
     cut->comb = bw_alloc(ctx, mesh->tet_count, sizeof *cut->comb);
     cut->shift = bw_alloc(ctx, mesh->tet_count, sizeof *cut->shift);
+    cut->chart = bw_alloc(ctx, mesh->tet_count, sizeof *cut->chart);
     cut->side = bw_alloc(ctx, mesh->facet_count, sizeof *cut->side);
     cut->cut_sheet = bw_alloc(ctx, mesh->facet_count, sizeof *cut->cut_sheet);
     cut->align_sheet = bw_alloc(ctx, mesh->facet_count, sizeof *cut->align_sheet);

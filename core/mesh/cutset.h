@@ -23,13 +23,14 @@
 typedef struct {
     bw_rotation *comb;       /* [tet] from its chart to the combed one */
     int64_t (*shift)[3];     /* [tet] combed = comb(value) + shift, grid units; any value is right, this one fits the input */
+    int32_t *chart;          /* [tet] tets whose charts the input meant to be one have one number */
     int8_t *side;            /* [facet] 0: not cut; +1: forward leads from facet_tet[0] to facet_tet[1]; -1: back */
     int32_t *cut_sheet;      /* [facet] BW_NONE if not cut */
     int32_t *align_sheet;    /* [facet] BW_NONE if not aligned */
     int8_t *align_axis;      /* [facet] constant axis in the combed chart of facet_tet[0]; -1 if not aligned */
     bw_rotation *rotation;   /* [cut sheet] between combed charts, forward */
     int32_t *cut_count;      /* [hinge] number of cut facets */
-    size_t cut_facets, cut_sheets, align_sheets;
+    size_t charts, cut_facets, cut_sheets, align_sheets;
     size_t cut_edges, branches, nodes; /* as defined in MC 6.2.1; for the report only */
 } bw_cutset;
 

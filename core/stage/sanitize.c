@@ -176,6 +176,22 @@ static bw_status understand(job *j) {
     return status;
 }
 
+/* Translates every chart so that on the average its values stay where the input has them: errors of the translations found between
+ * charts do not add up. Translations are free. */
+static bw_status settle_charts(job *j) {
+    double(*sum)[3] = bw_alloc(j->ctx, j->cut.charts, sizeof *sum);
+    int64_t *count = bw_alloc(j->ctx, j->cut.charts, sizeof *count);
+    for (size_t t = 0; sum && count && t < j->mesh->tet_count; t++, count[j->cut.chart[t - 1]] += 4)
+        for (int i = 0; i < 12; i++)
+            sum[j->cut.chart[t]][i % 3] += (double)(j->map->value[t][i / 3][i % 3] - j->rounded[t][i / 3][i % 3]);
+    for (size_t t = 0; sum && count && t < j->mesh->tet_count; t++)
+        for (int i = 0; i < 12; i++)
+            j->map->value[t][i / 3][i % 3] -= llround(sum[j->cut.chart[t]][i % 3] / (double)count[j->cut.chart[t]]);
+    bw_free(j->ctx, sum);
+    bw_free(j->ctx, count);
+    return j->ctx->error.status;
+}
+
 /* Solves the core system and replaces all values by the ones that follow. */
 static bw_status make_exact(job *j) {
     bw_context *ctx = j->ctx;
@@ -199,7 +215,8 @@ static bw_status make_exact(job *j) {
     j->report->free_variables = equations.columns - solved.rank;
     j->report->divisor_max = solved.divisor;
     bw_progress(ctx, 0.6);
-    return bw_sectors_place(ctx, &in, j->solution, j->map->value);
+    if (bw_sectors_place(ctx, &in, j->solution, j->map->value)) return ctx->error.status;
+    return settle_charts(j);
 }
 
 static void count_singular(job *j) {
