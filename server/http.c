@@ -187,8 +187,10 @@ static void check_framing(bw_request *r) {
         bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Content-Length is not a number");
 }
 
-static void begin(bw_request *r, const char *method, const char *path) {
+static void begin(bw_request *r, const char *method, const char *version, const char *path) {
     check_framing(r);
+    if (!bw_request_header(r, "Host") && strcmp(version, "HTTP/1.0") != 0)
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "a request says with Host whom it is for");
     if (r->reply || !route(r, method, path)) return;
     MHD_get_connection_values(r->connection, MHD_GET_ARGUMENT_KIND, check_query, r);
     if (r->reply) return;
@@ -232,13 +234,12 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
                                   const char *version, const char *data, size_t *size, void **state) {
     bw_http *http = user;
     bw_request *r = *state;
-    (void)version;
     if (!r) {
         if (!(r = *state = calloc(1, sizeof *r))) return MHD_NO;
         r->services = &http->services;
         r->connection = connection;
         r->started = bw_mono_ms();
-        begin(r, method, url);
+        begin(r, method, version, url);
         bool waits = bw_request_header(r, "Expect") != NULL;
         bool whole = !bw_request_header(r, "Transfer-Encoding") && r->length == 0;
         return r->reply && (waits || whole || r->length > DRAIN_MOST) ? send_reply(r) : MHD_YES;

@@ -186,6 +186,17 @@ static void two_ways_to_end_a_body_are_refused(void **state) {
     }
 }
 
+static void a_request_without_host_is_refused(void **state) {
+    (void)state;
+    char *answer = kit_raw(&d, "GET /livez HTTP/1.1\r\n\r\n", 23, true);
+    assert_non_null(strstr(answer, " 400 "));
+    assert_non_null(strstr(answer, "/problems/bad-request"));
+    free(answer);
+    answer = kit_raw(&d, "GET /livez HTTP/1.0\r\n\r\n", 23, true);
+    assert_non_null(strstr(answer, " 200 "));
+    free(answer);
+}
+
 static void garbage_in_place_of_http_is_survived(void **state) {
     (void)state;
     srand(7);
@@ -279,6 +290,7 @@ int main(void) {
         cmocka_unit_test(a_bad_job_is_refused_with_the_reason),
         cmocka_unit_test(bad_query_parameters_are_refused),
         cmocka_unit_test(two_ways_to_end_a_body_are_refused),
+        cmocka_unit_test(a_request_without_host_is_refused),
         cmocka_unit_test(garbage_in_place_of_http_is_survived),
         cmocka_unit_test(results_answer_if_none_match),
         cmocka_unit_test(the_daemon_tells_about_itself),
