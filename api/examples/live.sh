@@ -1,0 +1,2 @@
+# GET /livez: does the process answer?
+curl -fsS "$base/livez"

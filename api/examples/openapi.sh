@@ -1,0 +1,2 @@
+# GET /openapi.json: the interface, for tools.
+curl -fsS "$base/openapi.json" | head -c 200

@@ -1,0 +1,27 @@
+#!/bin/sh
+# Every call of the interface once, with curl, against a running daemon:
+#     sh walkthrough.sh part.hexex [ADDRESS:PORT]
+set -eu
+input=${1:?usage: walkthrough.sh part.hexex [ADDRESS:PORT]}
+base=http://${2:-127.0.0.1:8080}
+here=$(dirname "$0")
+export base input
+
+step() {
+    echo "== $1"
+    . "$here/$1"
+}
+
+step live.sh
+step ready.sh
+step blob_put.sh
+step blob_head.sh
+step job_create.sh
+step job_list.sh
+step job_wait.sh
+step job_log.sh
+step result_list.sh
+step result_get.sh
+step job_report.sh
+step job_cancel.sh
+step openapi.sh

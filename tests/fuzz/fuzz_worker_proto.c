@@ -1,0 +1,34 @@
+/* The daemon's decoder of worker frames on arbitrary bytes, in pieces whose sizes the input chooses. */
+#include "fuzz.h"
+
+#include <string.h>
+
+#include "server/worker_proto.h"
+
+volatile unsigned sink; /* keeps the reading of payloads */
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    static bw_decoder d;
+    bw_frame frame;
+    int results = 0, frames = 0;
+    bw_decoder_init(&d);
+    while (size > 1 && d.status == BW_OK) {
+        size_t room, n = (size_t)*data++ * 97 + 1;
+        void *space = bw_decoder_space(&d, &room);
+        FUZZ_EXPECT(room > 0);
+        size--;
+        if (n > size) n = size;
+        if (n > room) n = room;
+        memcpy(space, data, n);
+        bw_decoder_filled(&d, n);
+        data += n;
+        size -= n;
+        while (bw_decoder_next(&d, &frame)) {
+            FUZZ_EXPECT(!results && frame.size <= BW_FRAME_MOST && (frames++ == 0) == (frame.type == BW_FRAME_HELLO));
+            if (frame.type == BW_FRAME_PROGRESS) FUZZ_EXPECT(bw_frame_progress(&frame) >= 0 && bw_frame_progress(&frame) <= 1);
+            for (size_t i = 0; i < frame.size; i++) sink += frame.data[i];
+            results += frame.type == BW_FRAME_RESULT;
+        }
+    }
+    return 0;
+}
