@@ -142,15 +142,16 @@ static void signal_workers(const spawner *s, uint64_t token, int signal) {
 static int reap(spawner *s, bool wait) {
     int left = 0;
     for (child *c = s->children; c < s->children + WORKERS_MOST; c++) {
-        int status;
+        int status = 0;
         struct rusage use;
+        siginfo_t info = {.si_pid = 0};
         if (!c->pid) continue;
-        pid_t pid = wait4(c->pid, &status, wait ? 0 : WNOHANG, &use);
-        if (pid != c->pid) {
+        if (waitid(P_PID, (id_t)c->pid, &info, WEXITED | WNOWAIT | (wait ? 0 : WNOHANG)) != 0 || info.si_pid != c->pid) {
             left++;
             continue;
         }
-        kill(-c->pid, SIGKILL); /* nothing that the worker may have started stays behind */
+        kill(-c->pid, SIGKILL); /* nothing that the worker may have started stays behind; the number is still ours */
+        pid_t pid = wait4(c->pid, &status, 0, &use);
         bw_spawn_report r = {.kind = BW_WORKER_EXITED, .token = c->token, .pid = pid, .wait_status = status};
         r.cpu_ms = (use.ru_utime.tv_sec + use.ru_stime.tv_sec) * 1000 + (use.ru_utime.tv_usec + use.ru_stime.tv_usec) / 1000;
         r.peak_bytes = (int64_t)use.ru_maxrss * 1024;
