@@ -94,8 +94,8 @@ fi
 if [ -z "$part" ]; then
     step "A part"
     part=$here/part.hexex
-    # Vertices off the grid, charts at random, errors in the map as real ones have them.
-    "$bin/blockwright" sample part --size 2 --noise 0.5 --scramble blocks --perturb 1e-6 -o "$part"
+    # Vertices off their regular places and a chart of its own for every block, as in parts that come from elsewhere.
+    "$bin/blockwright" sample part --size 2 --noise 0.5 --scramble blocks -o "$part"
 fi
 
 step "The daemon"

@@ -126,13 +126,25 @@ def draw(position, skin, edges, shift, view, width):
 
     min_x, max_y = min(xs), max(ys)
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height:.0f}" width="{width}" height="{height:.0f}">',
-           '<rect width="100%" height="100%" fill="#fff"/><g stroke-linejoin="round" stroke-linecap="round">']
-    for _, p, colour, lines in shapes:
-        out.append(f'<path d="M{at(p[0])}L{at(p[1])}L{at(p[2])}Z" fill="{colour}" stroke="{colour}" stroke-width=".6"/>')
+           '<style>path{shape-rendering:crispEdges}.e{fill:none;stroke:#26303a;stroke-width:1.3;stroke-linecap:round;'
+           'shape-rendering:geometricPrecision}</style><rect width="100%" height="100%" fill="#fff"/>']
+    fill, path = None, []
+
+    def flush():
+        if path:
+            out.append(f'<path d="{"".join(path)}" fill="{fill}"/>')
+            path.clear()
+
+    for _, p, colour, lines in shapes:  # neighbours of one colour become one path
+        if colour != fill:
+            flush()
+            fill = colour
+        path.append(f"M{at(p[0])}L{at(p[1])}L{at(p[2])}Z")
         if lines:
-            d = "".join(f"M{at(a)}L{at(b)}" for a, b in lines)
-            out.append(f'<path d="{d}" fill="none" stroke="#26303a" stroke-width="1.3"/>')
-    out.append("</g></svg>\n")
+            flush()
+            out.append(f'<path class="e" d="{"".join(f"M{at(a)}L{at(b)}" for a, b in lines)}"/>')
+    flush()
+    out.append("</svg>\n")
     return "\n".join(out)
 
 
