@@ -110,12 +110,12 @@ step "The job: upload, wait, fetch (clients/sh/blockwright.sh, that is curl)"
 rm -rf "$here/result"
 id=$(sh clients/sh/blockwright.sh submit "$part")
 sh clients/sh/blockwright.sh watch "$id"
-sh clients/sh/blockwright.sh fetch "$id" --out "$here/result"
+sh clients/sh/blockwright.sh fetch "$id" --out "$here/result" --quiet
 
 step "What came out"
 "$bin/blockwright" show "$here/result"
-if python3 deploy/draw.py "$here/result/traced.hexex" "$here/result/blocks.svg"; then
-    echo "  a picture: build/demo/result/blocks.svg"
+if python3 deploy/draw.py "$here/result/traced.hexex" "$here/result/blocks.svg" >/dev/null; then
+    echo "  blocks.svg           a picture of the blocks, pulled apart"
 fi
 
 step "Where it is"
