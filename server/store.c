@@ -29,11 +29,11 @@ struct bw_upload {
 };
 
 static void blob_path(const bw_store *store, const char *sha256, char path[PATH_MAX]) {
-    snprintf(path, PATH_MAX, "%s/blobs/%.2s/%s", store->root, sha256, sha256);
+    snprintf(path, PATH_MAX, "%s/blobs/%.2s/%.64s", store->root, sha256, sha256);
 }
 
 static void cache_path(const bw_store *store, const char *key, char path[PATH_MAX]) {
-    snprintf(path, PATH_MAX, "%s/cache/%.2s/%s", store->root, key, key);
+    snprintf(path, PATH_MAX, "%s/cache/%.2s/%.64s", store->root, key, key);
 }
 
 static void attempt_path(const bw_store *store, const char *job, int attempt, const char *name, char path[PATH_MAX]) {

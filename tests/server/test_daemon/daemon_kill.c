@@ -37,7 +37,8 @@ static bool submit_one(unsigned *seed) {
     char hash[BW_SHA256_TEXT], path[120], body[200];
     kit_reply r;
     pthread_mutex_lock(&address_lock);
-    kit_daemon now = d;
+    kit_daemon now = {.pid = 0};
+    memcpy(now.address, d.address, sizeof now.address);
     pthread_mutex_unlock(&address_lock);
     snprintf(j->script, sizeof j->script, "* sleep %d\nencode bytes %d\n# %d\n", rand_r(seed) % 25,
              100 + rand_r(seed) % 30000, (int)job_count);

@@ -99,13 +99,14 @@ static void a_truncated_upload_leaves_nothing(void **state) {
     kit_reply r = kit_request(&d, "HEAD", path, NULL, NULL, 0);
     assert_int_equal(r.status, 404);
     kit_free(&r);
+    /* Usually at once; when the library misses the end of the connection, when it has been idle for 30 s. */
     for (unsigned i = 0, found = 1; found; i++, kit_sleep_ms(10)) {
         found = 0;
         for (unsigned k = 0; k < 64; k++) {
             snprintf(temporary, sizeof temporary, "%s/tmp/upload.%u", d.data, k);
             found |= access(temporary, F_OK) == 0;
         }
-        assert_true(i < 500);
+        assert_true(i < 5000);
     }
 }
 
