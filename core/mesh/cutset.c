@@ -33,8 +33,9 @@ static bw_rotation across(const cutter *w, bw_facet f, bw_tet from) {
     return w->mesh->facet_tet[f][0] == from ? r : bw_rotation_inverse(r);
 }
 
-/* Shift of the next tet's chart so that its facet meets the combed one: the mean over the corners. Zero, relative to a neighbour with an
- * equal chart, if that is within the defect of the input: charts the input meant to be one stay one. */
+/* Shift of the next tet's chart so that its facet meets the combed one: the mean over the corners. Zero,
+ * relative to a neighbour with an equal chart, if that is within the defect of the input: charts the input
+ * meant to be one stay one. */
 static bw_status comb_shift(cutter *w, bw_facet f, bw_tet from, bw_tet to) {
     int64_t low[3], high[3], sum[3] = {0, 0, 0};
     for (int i = 0; i < 3; i++) {
@@ -59,7 +60,8 @@ static bw_status comb_shift(cutter *w, bw_facet f, bw_tet from, bw_tet to) {
     return BW_OK;
 }
 
-/* Breadth first from the lowest tet of every component, so that trees are shallow and rounding does not add up along them. */
+/* Breadth first from the lowest tet of every component, so that trees are shallow and rounding does not add
+ * up along them. */
 static bw_status comb_charts(cutter *w) {
     const bw_tet_mesh *mesh = w->mesh;
     for (size_t f = 0; f < mesh->facet_count; f++) w->cut->side[f] = mesh->facet_tet[f][1] != BW_NONE;
@@ -77,7 +79,8 @@ static bw_status comb_charts(cutter *w) {
                 if (next == BW_NONE || w->seen[next]) continue;
                 w->seen[next] = 1;
                 w->cut->side[f] = 0;
-                w->cut->comb[next] = bw_rotation_compose(w->cut->comb[t], bw_rotation_inverse(across(w, f, t)));
+                w->cut->comb[next] =
+                    bw_rotation_compose(w->cut->comb[t], bw_rotation_inverse(across(w, f, t)));
                 if (comb_shift(w, f, t, next)) return w->ctx->error.status;
                 w->queue[tail++] = next;
             }
@@ -121,7 +124,8 @@ static bw_status shrink(cutter *w) {
         bw_hinge h = w->queue[head++];
         bw_facet f = w->cut->cut_count[h] == 1 ? only_cut_facet(w, h) : BW_NONE;
         if (f == BW_NONE) continue;
-        if (w->across[f]) return bw_fail(w->ctx, BW_E_INTERNAL, "rotations around a regular edge do not compose to none");
+        if (w->across[f])
+            return bw_fail(w->ctx, BW_E_INTERNAL, "rotations around a regular edge do not compose to none");
         w->cut->side[f] = 0;
         count_cut(w, f, -1);
         for (int i = 0; i < 3; i++) {
@@ -132,8 +136,8 @@ static bw_status shrink(cutter *w) {
     return BW_OK;
 }
 
-/* The other cut facet of a hinge with two of them, and whether a walk around the hinge crosses both in the direction facet_tet[0] to
- * facet_tet[1], or both in the other. */
+/* The other cut facet of a hinge with two of them, and whether a walk around the hinge crosses both in the
+ * direction facet_tet[0] to facet_tet[1], or both in the other. */
 static bw_facet partner(const cutter *w, bw_hinge h, bw_facet f, bool *alike) {
     bool forward[2] = {false, false};
     bw_facet other = BW_NONE;
@@ -147,7 +151,8 @@ static bw_facet partner(const cutter *w, bw_hinge h, bw_facet f, bool *alike) {
     return other;
 }
 
-/* A sheet grows from facet to facet; a walk around the hinge between two of its facets crosses it once forward and once back. */
+/* A sheet grows from facet to facet; a walk around the hinge between two of its facets crosses it once
+ * forward and once back. */
 static void grow_cut_sheet(cutter *w, bw_facet first, int32_t sheet) {
     size_t head = 0, tail = 0;
     w->queue[tail++] = first;
@@ -184,7 +189,8 @@ static bw_status find_cut_sheets(cutter *w) {
     return BW_OK;
 }
 
-/* Joins the aligned facets of every hinge without cut facets: they see one chart, so equal axes mean equal constants. */
+/* Joins the aligned facets of every hinge without cut facets: they see one chart, so equal axes mean equal
+ * constants. */
 static void grow_align_sheet(cutter *w, bw_facet first, int32_t sheet) {
     size_t head = 0, tail = 0;
     w->queue[tail++] = first;
@@ -197,7 +203,8 @@ static void grow_align_sheet(cutter *w, bw_facet first, int32_t sheet) {
             if (w->cut->cut_count[h]) continue;
             for (int32_t j = ring->begin; j <= ring->end; j++) {
                 bw_facet g = j < ring->end ? w->hinges->exit[j] : ring->entry;
-                if (w->cut->align_axis[g] != w->cut->align_axis[f] || w->cut->align_sheet[g] != BW_NONE) continue;
+                if (w->cut->align_axis[g] != w->cut->align_axis[f] || w->cut->align_sheet[g] != BW_NONE)
+                    continue;
                 w->cut->align_sheet[g] = sheet;
                 w->queue[tail++] = g;
             }
@@ -235,7 +242,8 @@ static int32_t find_root(int32_t *parent, int32_t i) {
 /* Branches are cut edges joined at vertices that are no nodes (MC 6.2.1). */
 static bw_status count_branches(cutter *w) {
     size_t n = w->mesh->vertex_count;
-    int32_t *degree = bw_alloc(w->ctx, n, sizeof *degree), *parent = bw_alloc(w->ctx, w->hinges->count, sizeof *parent);
+    int32_t *degree = bw_alloc(w->ctx, n, sizeof *degree),
+            *parent = bw_alloc(w->ctx, w->hinges->count, sizeof *parent);
     int32_t *last = bw_alloc(w->ctx, n, sizeof *last);
     uint8_t *kind = bw_alloc(w->ctx, n, 1); /* 1: on the boundary; 2: on an interior cut edge */
     bw_status status = w->ctx->error.status;
@@ -264,7 +272,8 @@ static bw_status count_branches(cutter *w) {
                 int32_t a = find_root(parent, last[v]), b = find_root(parent, (int32_t)h);
                 w->cut->branches -= a != b;
                 parent[a] = b;
-            } else if (last[v] == BW_NONE) last[v] = (int32_t)h;
+            } else if (last[v] == BW_NONE)
+                last[v] = (int32_t)h;
         }
 out:
     bw_free(w->ctx, degree);

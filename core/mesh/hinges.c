@@ -37,7 +37,8 @@ static bw_status check_orientation(bw_context *ctx, const bw_tet_mesh *mesh) {
         for (int i = 0; i < 4; i++) {
             bw_facet f = mesh->tet_facet[t][i];
             if (mesh->facet_tet[f][1] == BW_NONE) continue;
-            if (mesh->facet_tet[f][0] == (bw_tet)t) parity[f] = (uint8_t)facet_parity(mesh, (bw_tet)t, i);
+            if (mesh->facet_tet[f][0] == (bw_tet)t)
+                parity[f] = (uint8_t)facet_parity(mesh, (bw_tet)t, i);
             else if (parity[f] == facet_parity(mesh, (bw_tet)t, i)) {
                 double centre[3];
                 bw_facet_centre(mesh, f, centre);
@@ -51,7 +52,8 @@ static bw_status check_orientation(bw_context *ctx, const bw_tet_mesh *mesh) {
                : BW_OK;
 }
 
-/* The tets of every edge, as a list of 8 * tet + local edge: edge e has item[first[e]] .. item[first[e + 1] - 1]. */
+/* The tets of every edge, as a list of 8 * tet + local edge: edge e has item[first[e]] .. item[first[e + 1] -
+ * 1]. */
 typedef struct {
     int32_t *first;
     int32_t *item;
@@ -73,7 +75,8 @@ static bw_status stars_init(bw_context *ctx, edge_stars *stars, const bw_tet_mes
         for (int i = 0; i < 6; i++) stars->first[mesh->tet_edge[t][i] + 2]++;
     for (size_t e = 2; e < mesh->edge_count + 2; e++) stars->first[e] += stars->first[e - 1];
     for (size_t t = 0; t < mesh->tet_count; t++)
-        for (int i = 0; i < 6; i++) stars->item[stars->first[mesh->tet_edge[t][i] + 1]++] = (int32_t)(8 * t) + i;
+        for (int i = 0; i < 6; i++)
+            stars->item[stars->first[mesh->tet_edge[t][i] + 1]++] = (int32_t)(8 * t) + i;
     return BW_OK;
 }
 
@@ -112,8 +115,8 @@ static void walk(bw_hinges *hinges, const bw_tet_mesh *mesh, edge_stars *stars, 
 }
 
 /* The hinges of one edge: the open fans, each from its start, then what is left. */
-static bw_status walk_edge(bw_context *ctx, bw_hinges *hinges, const bw_tet_mesh *mesh, edge_stars *stars, bw_edge e,
-                           size_t *room) {
+static bw_status walk_edge(bw_context *ctx, bw_hinges *hinges, const bw_tet_mesh *mesh, edge_stars *stars,
+                           bw_edge e, size_t *room) {
     int32_t at = stars->first[e];
     for (int open = 1; open >= 0; open--)
         for (int32_t i = stars->first[e]; i < stars->first[e + 1]; i++) {

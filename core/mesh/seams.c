@@ -24,8 +24,10 @@ void bw_seams_clear(bw_context *ctx, bw_seams *seams) {
 
 static void blame(finder *w, const char *kind, int32_t id) {
     double centre[3];
-    if (*kind == 'f') bw_facet_centre(w->mesh, id, centre);
-    else bw_edge_centre(w->mesh, id, centre);
+    if (*kind == 'f')
+        bw_facet_centre(w->mesh, id, centre);
+    else
+        bw_edge_centre(w->mesh, id, centre);
     bw_fail_element(w->ctx, kind, id, centre);
 }
 
@@ -42,7 +44,8 @@ static void facet_edges(const finder *w, bw_facet f, bw_tet t, int64_t out[3][3]
         for (int k = 0; k < 3; k++) out[i][k] = p[(i + 1) % 3][k] - p[i][k];
 }
 
-/* Sum of squared differences between the turned edges and the other tet's; gives up (infinity) beyond `limit`. */
+/* Sum of squared differences between the turned edges and the other tet's; gives up (infinity) beyond
+ * `limit`. */
 static double mismatch(bw_rotation r, int64_t from[3][3], int64_t to[3][3], double limit) {
     double sum = 0;
     for (int i = 0; i < 3; i++) {
@@ -64,7 +67,8 @@ static bw_rotation nearest_rotation(int64_t from[3][3], int64_t to[3][3]) {
     return best;
 }
 
-/* Largest defect of the transition: in grid units (added to the total) and relative to the shorter version of the edge (returned). */
+/* Largest defect of the transition: in grid units (added to the total) and relative to the shorter version of
+ * the edge (returned). */
 static double transition_defect(finder *w, bw_rotation r, int64_t from[3][3], int64_t to[3][3]) {
     double relative = 0;
     for (int i = 0; i < 3; i++) {
@@ -94,8 +98,8 @@ static bw_status find_rotations(finder *w) {
         bad++;
     }
     return bad ? bw_fail(w->ctx, BW_E_NOT_SEAMLESS,
-                         "the transitions of %zu facets are off by up to %.3g of an edge; %.3g is tolerated", bad,
-                         w->seams->seamless, w->tolerance)
+                         "the transitions of %zu facets are off by up to %.3g of an edge; %.3g is tolerated",
+                         bad, w->seams->seamless, w->tolerance)
                : BW_OK;
 }
 
@@ -169,7 +173,8 @@ static bw_status find_alignment(finder *w) {
         if (w->seams->align[f] < 0) bad += align_facet(w, f);
     }
     return bad ? bw_fail(w->ctx, BW_E_NOT_ALIGNED,
-                         "%zu boundary or feature facets are off their coordinate plane by up to %.3g of an edge; %.3g is tolerated",
+                         "%zu boundary or feature facets are off their coordinate plane by up to %.3g of an "
+                         "edge; %.3g is tolerated",
                          bad, w->seams->alignment, w->tolerance)
                : BW_OK;
 }
@@ -179,12 +184,13 @@ static void hinge_vector(const finder *w, bw_hinge h, int64_t out[3]) {
     const bw_ring *ring = &w->hinges->ring[h];
     bw_tet t = w->hinges->tet[ring->begin];
     const bw_vertex *v = w->mesh->edge[ring->edge];
-    const int64_t *a = w->value[t][bw_tet_corner(w->mesh, t, v[0])], *b = w->value[t][bw_tet_corner(w->mesh, t, v[1])];
+    const int64_t *a = w->value[t][bw_tet_corner(w->mesh, t, v[0])],
+                  *b = w->value[t][bw_tet_corner(w->mesh, t, v[1])];
     for (int k = 0; k < 3; k++) out[k] = b[k] - a[k];
 }
 
-/* Parametric dihedral angle of a positive tet at the edge from corner c[0] to c[1]: the normals of its two facets there have the
- * cross product volume * edge. */
+/* Parametric dihedral angle of a positive tet at the edge from corner c[0] to c[1]: the normals of its two
+ * facets there have the cross product volume * edge. */
 static double wedge_angle(const int64_t value[4][3], const int c[4]) {
     double d[3][3], n[2][3];
     for (int i = 0; i < 3; i++)
@@ -214,7 +220,8 @@ static long hinge_quarters(const finder *w, bw_hinge h) {
     return lround(sum / (M_PI / 2));
 }
 
-/* Composition of the rotations met on the way from the first tet of the ring to the last one, and back to it if closed. */
+/* Composition of the rotations met on the way from the first tet of the ring to the last one, and back to it
+ * if closed. */
 static bw_rotation monodromy(const finder *w, bw_hinge h) {
     const bw_ring *ring = &w->hinges->ring[h];
     bw_rotation total = 0;
@@ -235,8 +242,9 @@ static void quarter_turn(int axis, int sense, int64_t u[3]) {
     u[j] = sense * old;
 }
 
-/* A closed hinge of q quarter turns: unfolded in the first tet's chart the ring closes after a turn by q quarters, so its monodromy is
- * the opposite turn, about a coordinate axis that is the edge's unless it is the identity. */
+/* A closed hinge of q quarter turns: unfolded in the first tet's chart the ring closes after a turn by q
+ * quarters, so its monodromy is the opposite turn, about a coordinate axis that is the edge's unless it is
+ * the identity. */
 static bool closed_agrees(const bw_rotation around, long q, int axis, const int64_t vector[3]) {
     if (q % 4 == 0) return around == 0;
     if (around == 0 || bw_rotation_fixed_axis(around) != axis) return false;
@@ -259,7 +267,8 @@ static void outward(const finder *w, bw_facet f, int64_t out[3]) {
     out[k] = on[k] > w->value[t][apex][k] ? 1 : -1;
 }
 
-/* An open hinge of q quarter turns: turning the inward normal of its first facet by them gives the outward normal of its last. */
+/* An open hinge of q quarter turns: turning the inward normal of its first facet by them gives the outward
+ * normal of its last. */
 static bool open_agrees(const finder *w, bw_hinge h, bw_rotation across, long q, const int64_t vector[3]) {
     const bw_ring *ring = &w->hinges->ring[h];
     int64_t first[3], last[3];
@@ -319,7 +328,8 @@ static bw_status find_hinges(finder *w) {
         bad++;
     }
     return bad ? bw_fail(w->ctx, BW_E_SINGULAR,
-                         "%zu edges are singular but not aligned, or have an angle that the transitions around them do not agree with",
+                         "%zu edges are singular but not aligned, or have an angle that the transitions "
+                         "around them do not agree with",
                          bad)
                : BW_OK;
 }
@@ -340,12 +350,14 @@ static bw_status find_feature_edges(finder *w) {
             bad++;
         }
     }
-    return bad ? bw_fail(w->ctx, BW_E_NOT_ALIGNED, "%zu feature edges run along no coordinate axis", bad) : BW_OK;
+    return bad ? bw_fail(w->ctx, BW_E_NOT_ALIGNED, "%zu feature edges run along no coordinate axis", bad)
+               : BW_OK;
 }
 
 bw_status bw_seams_init(bw_context *ctx, bw_seams *seams, const bw_tet_mesh *mesh, const bw_hinges *hinges,
                         const int64_t (*value)[4][3], double tolerance) {
-    finder w = {.ctx = ctx, .mesh = mesh, .hinges = hinges, .value = value, .tolerance = tolerance, .seams = seams};
+    finder w = {
+        .ctx = ctx, .mesh = mesh, .hinges = hinges, .value = value, .tolerance = tolerance, .seams = seams};
     for (bw_rotation a = 0; a < BW_ROTATIONS; a++) {
         w.inverse[a] = bw_rotation_inverse(a);
         for (bw_rotation b = 0; b < BW_ROTATIONS; b++) w.product[a][b] = bw_rotation_compose(a, b);

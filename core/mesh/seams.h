@@ -1,9 +1,10 @@
-/* Seams: what an almost seamless map means (MC 3.1, 6.2): the intended rotation of every facet, the intended constant axis of every
- * boundary facet and the quarter turns around every hinge.
+/* Seams: what an almost seamless map means (MC 3.1, 6.2): the intended rotation of every facet, the intended
+ * constant axis of every boundary facet and the quarter turns around every hinge.
  *
- * Nothing here is a matter of tolerance except acceptance: rotation and axis are those of the smallest defect, and the quarter turns are
- * a sum of angles that must agree with the rotations around the hinge (its monodromy) and with the boundary's normals. What
- * does not agree is refused, with the element; so is what agrees, but with a defect above tolerance.
+ * Nothing here is a matter of tolerance except acceptance: rotation and axis are those of the smallest
+ * defect, and the quarter turns are a sum of angles that must agree with the rotations around the hinge (its
+ * monodromy) and with the boundary's normals. What does not agree is refused, with the element; so is what
+ * agrees, but with a defect above tolerance.
  */
 #ifndef BW_MESH_SEAMS_H
 #define BW_MESH_SEAMS_H
@@ -12,20 +13,22 @@
 #include "mesh/hinges.h"
 
 typedef struct {
-    bw_rotation *rotation; /* [facet] from the chart of facet_tet[0] to that of facet_tet[1]; 0 on the boundary */
-    int8_t *align;         /* [facet] constant axis in the chart of facet_tet[0], of boundary and feature facets; else -1 */
-    uint16_t *quarters;    /* [hinge] */
-    int8_t *line;          /* [hinge] axis it runs along, in the chart of its first tet, if it must be aligned and the facets
-                              around it do not imply that: a feature, an edge of several hinges, or a number of turns that closes
-                              without a rotation and is not the regular one; else -1 */
-    bool exact;            /* no defect at all: the values already are an exact seamless map */
-    int64_t defect;        /* largest defect of seamlessness, grid units */
+    bw_rotation
+        *rotation; /* [facet] from the chart of facet_tet[0] to that of facet_tet[1]; 0 on the boundary */
+    int8_t *align; /* [facet] constant axis in the chart of facet_tet[0], of boundary and feature facets; else
+                      -1 */
+    uint16_t *quarters; /* [hinge] */
+    int8_t *line; /* [hinge] axis it runs along, in the chart of its first tet, if it must be aligned and the
+                     facets around it do not imply that: a feature, an edge of several hinges, or a number of
+                     turns that closes without a rotation and is not the regular one; else -1 */
+    bool exact;   /* no defect at all: the values already are an exact seamless map */
+    int64_t defect;             /* largest defect of seamlessness, grid units */
     double seamless, alignment; /* largest defects relative to the edge they occur on */
 } bw_seams;
 
-/* value: parameters in grid units, below 2^51; every tet positive. tolerance is relative to the edge a defect occurs on.
- * Errors, with the elements: BW_E_NOT_SEAMLESS (facets), BW_E_NOT_ALIGNED (facets, edges), BW_E_SINGULAR (edges), BW_E_INDEX for
- * features that are no edge or facet of the mesh. O(tets). */
+/* value: parameters in grid units, below 2^51; every tet positive. tolerance is relative to the edge a defect
+ * occurs on. Errors, with the elements: BW_E_NOT_SEAMLESS (facets), BW_E_NOT_ALIGNED (facets, edges),
+ * BW_E_SINGULAR (edges), BW_E_INDEX for features that are no edge or facet of the mesh. O(tets). */
 bw_status bw_seams_init(bw_context *ctx, bw_seams *seams, const bw_tet_mesh *mesh, const bw_hinges *hinges,
                         const int64_t (*value)[4][3], double tolerance);
 void bw_seams_clear(bw_context *ctx, bw_seams *seams);

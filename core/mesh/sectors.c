@@ -7,7 +7,8 @@
 
 typedef __int128 wide;
 
-/* A linear form in the core system's unknowns: `count` terms at `at` in the pool, ascending columns, no zeros. */
+/* A linear form in the core system's unknowns: `count` terms at `at` in the pool, ascending columns, no
+ * zeros. */
 typedef struct {
     size_t at, count;
 } form;
@@ -86,7 +87,8 @@ static bw_status too_large(walker *w) {
 
 /* a F + b G as a new form. */
 static bw_status combine(walker *w, int64_t a, form f, int64_t b, form g, form *out) {
-    if (bw_reserve(w->ctx, &w->pool, &w->pool_room, w->pool_count + f.count + g.count)) return w->ctx->error.status;
+    if (bw_reserve(w->ctx, &w->pool, &w->pool_room, w->pool_count + f.count + g.count))
+        return w->ctx->error.status;
     const term *x = w->pool + f.at, *xe = x + f.count, *y = w->pool + g.at, *ye = y + g.count;
     term *to = w->pool + w->pool_count;
     while (x < xe || y < ye) {
@@ -151,7 +153,8 @@ static uint64_t hash_terms(const term *t, size_t count) {
 static bool row_equals(const bw_core_system *s, size_t row, const term *t, size_t count) {
     if (s->start[row + 1] - s->start[row] != count) return false;
     for (size_t i = 0; i < count; i++)
-        if (s->column[s->start[row] + i] != t[i].column || s->coefficient[s->start[row] + i] != t[i].factor) return false;
+        if (s->column[s->start[row] + i] != t[i].column || s->coefficient[s->start[row] + i] != t[i].factor)
+            return false;
     return true;
 }
 
@@ -192,7 +195,8 @@ static bw_status append_row(walker *w, const term *t, size_t count) {
     return BW_OK;
 }
 
-/* Adds a row unless it is there. Terms are primitive with a positive first factor; *added tells what happened. */
+/* Adds a row unless it is there. Terms are primitive with a positive first factor; *added tells what
+ * happened. */
 static bw_status emit(walker *w, const term *t, size_t count, bool *added) {
     *added = false;
     if (2 * (w->system->row_count + 1) > w->hash_size && rehash(w)) return w->ctx->error.status;
@@ -207,7 +211,8 @@ static bw_status emit(walker *w, const term *t, size_t count, bool *added) {
 
 /* ---- elimination of u at one vertex ---- */
 
-/* Divides by the common factor and makes the first factor of the row positive. Forms of equations are never shared. */
+/* Divides by the common factor and makes the first factor of the row positive. Forms of equations are never
+ * shared. */
 static void normalise(walker *w, equation *e) {
     int64_t g = 0, first = 0;
     term *t = w->pool + e->rest.at;
@@ -234,7 +239,8 @@ static bw_status eliminate(walker *w, equation *target, const equation *row, int
     return BW_OK;
 }
 
-/* Takes an equation into the vertex's reduced echelon form; what has no u left goes to the core system (first pass). */
+/* Takes an equation into the vertex's reduced echelon form; what has no u left goes to the core system (first
+ * pass). */
 static bw_status add_equation(walker *w, equation e) {
     bool added;
     for (int i = 0; i < w->rank; i++)
@@ -243,7 +249,8 @@ static bw_status add_equation(walker *w, equation e) {
     int pivot = -1;
     for (int k = 0; k < 3; k++)
         if (e.c[k] && (pivot < 0 || llabs(e.c[k]) < llabs(e.c[pivot]))) pivot = k;
-    if (pivot < 0) return e.rest.count && w->system ? emit(w, w->pool + e.rest.at, e.rest.count, &added) : BW_OK;
+    if (pivot < 0)
+        return e.rest.count && w->system ? emit(w, w->pool + e.rest.at, e.rest.count, &added) : BW_OK;
     for (int i = 0; i < w->rank; i++)
         if (eliminate(w, &w->row[i], &e, pivot)) return w->ctx->error.status;
     w->row[w->rank] = e;
@@ -256,7 +263,8 @@ static bw_status add_alignment(walker *w, const sector *s, int i, size_t column)
     equation e = {{0, 0, 0}, {0, 0}};
     form constant;
     e.c[bw_rotation_axis[s->rotation][i]] = bw_rotation_sign[s->rotation][i];
-    if (single(w, (int32_t)column, &constant) || combine(w, 1, s->offset[i], -1, constant, &e.rest)) return w->ctx->error.status;
+    if (single(w, (int32_t)column, &constant) || combine(w, 1, s->offset[i], -1, constant, &e.rest))
+        return w->ctx->error.status;
     return add_equation(w, e);
 }
 
@@ -266,7 +274,8 @@ static bw_status add_equality(walker *w, const sector *a, const sector *b) {
         equation e = {{0, 0, 0}, {0, 0}};
         e.c[bw_rotation_axis[a->rotation][i]] += bw_rotation_sign[a->rotation][i];
         e.c[bw_rotation_axis[b->rotation][i]] -= bw_rotation_sign[b->rotation][i];
-        if (combine(w, 1, a->offset[i], -1, b->offset[i], &e.rest) || add_equation(w, e)) return w->ctx->error.status;
+        if (combine(w, 1, a->offset[i], -1, b->offset[i], &e.rest) || add_equation(w, e))
+            return w->ctx->error.status;
     }
     return BW_OK;
 }
@@ -333,15 +342,19 @@ static bw_status find_sectors(walker *w, int32_t start) {
             bool first = w->in->mesh->facet_tet[f][0] == it.tet;
             sector s, from = w->sector[it.sector];
             int32_t label = (int32_t)w->sector_count;
-            if (cross(w, &from, cut->cut_sheet[f], first == (cut->side[f] > 0), &s) || add_sector(w, s, other) ||
-                remember(w, first ? crossing_key(w, f, it.sector, label) : crossing_key(w, f, label, it.sector), &fresh))
+            if (cross(w, &from, cut->cut_sheet[f], first == (cut->side[f] > 0), &s) ||
+                add_sector(w, s, other) ||
+                remember(w,
+                         first ? crossing_key(w, f, it.sector, label) : crossing_key(w, f, label, it.sector),
+                         &fresh))
                 return w->ctx->error.status;
         }
     }
     return BW_OK;
 }
 
-/* Equations that facet j of a star item gives, unless the same ones were had. Facets are seen from facet_tet[0] only. */
+/* Equations that facet j of a star item gives, unless the same ones were had. Facets are seen from
+ * facet_tet[0] only. */
 static bw_status facet_equations(walker *w, star_item it, bw_facet f) {
     const bw_cutset *cut = w->in->cut;
     bool fresh = false;
@@ -350,7 +363,8 @@ static bw_status facet_equations(walker *w, star_item it, bw_facet f) {
         int32_t to = w->star[w->slot[w->in->mesh->facet_tet[f][1]]].sector;
         if (remember(w, crossing_key(w, f, it.sector, to), &fresh)) return w->ctx->error.status;
         sector s, from = w->sector[it.sector];
-        if (fresh && (cross(w, &from, cut->cut_sheet[f], cut->side[f] > 0, &s) || add_equality(w, &s, &w->sector[to])))
+        if (fresh &&
+            (cross(w, &from, cut->cut_sheet[f], cut->side[f] > 0, &s) || add_equality(w, &s, &w->sector[to])))
             return w->ctx->error.status;
     }
     if (cut->align_sheet[f] != BW_NONE) {
@@ -380,7 +394,8 @@ static bw_status line_equations(walker *w, bw_vertex v) {
         if (w->star[w->slot[t]].fan != w->fan) continue;
         for (int k = 0; k < 2; k++) {
             sector s = w->sector[w->star[w->slot[t]].sector];
-            if (add_alignment(w, &s, (axis + 1 + k) % 3, w->line_column + 2 * (size_t)w->line_item[i] + (size_t)k))
+            if (add_alignment(w, &s, (axis + 1 + k) % 3,
+                              w->line_column + 2 * (size_t)w->line_item[i] + (size_t)k))
                 return w->ctx->error.status;
         }
     }
@@ -392,7 +407,8 @@ static bw_status fan_equations(walker *w, bw_vertex v) {
     for (size_t i = 0; i < w->order_count; i++) {
         star_item it = w->star[w->order[i]];
         for (int j = 0; j < 4; j++)
-            if (j != it.corner && facet_equations(w, it, w->in->mesh->tet_facet[it.tet][j])) return w->ctx->error.status;
+            if (j != it.corner && facet_equations(w, it, w->in->mesh->tet_facet[it.tet][j]))
+                return w->ctx->error.status;
     }
     return line_equations(w, v);
 }
@@ -409,8 +425,8 @@ static void estimate_u(const walker *w, int64_t out[3]) {
     for (int k = 0; k < 3; k++) out[k] = (int64_t)(sum[k] / count);
 }
 
-/* First pass: components of u that are implied with a divisor become unknowns. Their column is not known until all are, so it is -1 in
- * the row, first, for now. */
+/* First pass: components of u that are implied with a divisor become unknowns. Their column is not known
+ * until all are, so it is -1 in the row, first, for now. */
 static bw_status keep_divided(walker *w) {
     int64_t u[3];
     estimate_u(w, u);
@@ -419,8 +435,10 @@ static bw_status keep_divided(walker *w) {
         if (llabs(e->c[w->pivot[i]]) == 1) continue;
         for (int k = 0; k < 3; k++)
             if (k != w->pivot[i] && e->c[k])
-                return bw_fail(w->ctx, BW_E_ALGORITHM, "a vertex is bound to a line that is no lattice direction");
-        if (bw_reserve(w->ctx, &w->pool, &w->pool_room, w->pool_count + e->rest.count + 1)) return w->ctx->error.status;
+                return bw_fail(w->ctx, BW_E_ALGORITHM,
+                               "a vertex is bound to a line that is no lattice direction");
+        if (bw_reserve(w->ctx, &w->pool, &w->pool_room, w->pool_count + e->rest.count + 1))
+            return w->ctx->error.status;
         term *t = w->pool + w->pool_count;
         t[0] = (term){-1, e->c[w->pivot[i]]};
         memcpy(t + 1, w->pool + e->rest.at, e->rest.count * sizeof *t);
@@ -428,7 +446,8 @@ static bw_status keep_divided(walker *w) {
         if (emit(w, t, e->rest.count + 1, &added)) return w->ctx->error.status;
         if (!added) continue;
         bw_core_system *s = w->system;
-        if (bw_reserve(w->ctx, &s->estimate, &s->estimate_room, s->column_count + 1)) return w->ctx->error.status;
+        if (bw_reserve(w->ctx, &s->estimate, &s->estimate_room, s->column_count + 1))
+            return w->ctx->error.status;
         s->estimate[s->column_count++] = u[w->pivot[i]];
     }
     return BW_OK;
@@ -443,7 +462,9 @@ static wide evaluate(const walker *w, form f) {
     return sum;
 }
 
-static bool fits(wide x, int64_t limit) { return x <= limit && x >= -limit; }
+static bool fits(wide x, int64_t limit) {
+    return x <= limit && x >= -limit;
+}
 
 /* u: free components from the input, implied ones from their rows. */
 static bw_status solve_u(walker *w, bw_vertex v, int64_t u[3]) {
@@ -456,7 +477,8 @@ static bw_status solve_u(walker *w, bw_vertex v, int64_t u[3]) {
         if (sum % e->c[w->pivot[i]])
             return bw_fail(w->ctx, BW_E_INTERNAL, "the solution gives vertex %d no integer value", (int)v);
         sum /= -e->c[w->pivot[i]];
-        if (!fits(sum, 4 * BW_COMBED_MAX)) return bw_fail(w->ctx, BW_E_RANGE, "vertex %d leaves the exact grid", (int)v);
+        if (!fits(sum, 4 * BW_COMBED_MAX))
+            return bw_fail(w->ctx, BW_E_RANGE, "vertex %d leaves the exact grid", (int)v);
         u[w->pivot[i]] = (int64_t)sum;
     }
     return BW_OK;
@@ -466,7 +488,8 @@ static bw_status place_sector(walker *w, const sector *s, const int64_t u[3], in
     bw_rotate(s->rotation, u, out);
     for (int k = 0; k < 3; k++) {
         wide sum = out[k] + evaluate(w, s->offset[k]);
-        if (!fits(sum, 4 * BW_COMBED_MAX)) return bw_fail(w->ctx, BW_E_RANGE, "the solution leaves the exact grid");
+        if (!fits(sum, 4 * BW_COMBED_MAX))
+            return bw_fail(w->ctx, BW_E_RANGE, "the solution leaves the exact grid");
         out[k] = (int64_t)sum;
     }
     return BW_OK;
@@ -479,14 +502,16 @@ static bw_status place_fan(walker *w, bw_vertex v) {
     if (solve_u(w, v, u)) return w->ctx->error.status;
     for (size_t i = 0; i < w->order_count; i++) {
         star_item it = w->star[w->order[i]];
-        if (it.sector != last && place_sector(w, &w->sector[last = it.sector], u, combed)) return w->ctx->error.status;
+        if (it.sector != last && place_sector(w, &w->sector[last = it.sector], u, combed))
+            return w->ctx->error.status;
         for (int k = 0; k < 3; k++) own[k] = combed[k] - w->in->cut->shift[it.tet][k];
         bw_rotate(bw_rotation_inverse(w->in->cut->comb[it.tet]), own, own);
         for (int k = 0; k < 3; k++) {
             w->value[it.tet][it.corner][k] = own[k];
             if (llabs(own[k]) <= BW_GRID_MAX) continue;
             bw_fail_element(w->ctx, "tet", it.tet, w->in->mesh->position[v]);
-            return bw_fail(w->ctx, BW_E_RANGE, "a parameter of tet %d would leave the exact grid", (int)it.tet);
+            return bw_fail(w->ctx, BW_E_RANGE, "a parameter of tet %d would leave the exact grid",
+                           (int)it.tet);
         }
     }
     return BW_OK;
@@ -523,8 +548,8 @@ static bw_status visit_all(walker *w) {
 }
 
 static void walker_clear(walker *w) {
-    void *blocks[] = {w->first, w->item, w->line_first, w->line_item, w->line_hinge, w->slot, w->star,
-                      w->order, w->stack, w->sector, w->seen, w->pool, w->hash};
+    void *blocks[] = {w->first, w->item,  w->line_first, w->line_item, w->line_hinge, w->slot, w->star,
+                      w->order, w->stack, w->sector,     w->seen,      w->pool,       w->hash};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(w->ctx, blocks[i]);
 }
 
@@ -542,7 +567,8 @@ static bw_status list_lines(walker *w) {
         w->line_first[w->in->mesh->edge[hinges->ring[w->line_hinge[i / 2]].edge][i % 2] + 2]++;
     for (size_t v = 0; v < w->in->mesh->vertex_count; v++) w->line_first[v + 2] += w->line_first[v + 1];
     for (size_t i = 0; i < 2 * w->line_count; i++)
-        w->line_item[w->line_first[w->in->mesh->edge[hinges->ring[w->line_hinge[i / 2]].edge][i % 2] + 1]++] = (int32_t)(i / 2);
+        w->line_item[w->line_first[w->in->mesh->edge[hinges->ring[w->line_hinge[i / 2]].edge][i % 2] + 1]++] =
+            (int32_t)(i / 2);
     return BW_OK;
 }
 
@@ -555,12 +581,14 @@ static bw_status walker_init(walker *w, bw_context *ctx, const bw_sector_input *
     if (ctx->error.status) return ctx->error.status;
     for (size_t i = 0; i < 4 * mesh->tet_count; i++) w->first[mesh->tet[i / 4][i % 4] + 2]++;
     for (size_t v = 0; v < mesh->vertex_count; v++) w->first[v + 2] += w->first[v + 1];
-    for (size_t i = 0; i < 4 * mesh->tet_count; i++) w->item[w->first[mesh->tet[i / 4][i % 4] + 1]++] = (int32_t)i;
+    for (size_t i = 0; i < 4 * mesh->tet_count; i++)
+        w->item[w->first[mesh->tet[i / 4][i % 4] + 1]++] = (int32_t)i;
     w->align_column = 3 * in->cut->cut_sheets;
     w->line_column = w->align_column + in->cut->align_sheets;
     if (list_lines(w)) return ctx->error.status;
     w->free_column = w->line_column + 2 * w->line_count;
-    if (w->free_column > INT32_MAX / 2) return bw_fail(ctx, BW_E_LIMIT, "the core system has too many unknowns");
+    if (w->free_column > INT32_MAX / 2)
+        return bw_fail(ctx, BW_E_LIMIT, "the core system has too many unknowns");
     return BW_OK;
 }
 
@@ -571,7 +599,8 @@ static bw_status estimate_sheets(walker *w) {
     wide *sum = bw_alloc(w->ctx, w->free_column, sizeof *sum);
     int64_t *count = bw_alloc(w->ctx, w->free_column, sizeof *count);
     w->system->column_count = w->free_column;
-    if (!sum || !count || bw_reserve(w->ctx, &w->system->estimate, &w->system->estimate_room, w->free_column)) goto out;
+    if (!sum || !count || bw_reserve(w->ctx, &w->system->estimate, &w->system->estimate_room, w->free_column))
+        goto out;
     for (size_t i = 0; i < 3 * mesh->facet_count; i++) {
         size_t f = i / 3;
         int64_t u[2][3];
@@ -617,14 +646,16 @@ void bw_core_system_clear(bw_context *ctx, bw_core_system *system) {
     memset(system, 0, sizeof *system);
 }
 
-/* Unknowns that keep_divided left without a number get theirs; being the last columns they move to the end of their rows. */
+/* Unknowns that keep_divided left without a number get theirs; being the last columns they move to the end of
+ * their rows. */
 static void number_divided(bw_core_system *system, size_t next) {
     for (size_t r = 0; r < system->row_count; r++) {
         size_t first = system->start[r], last = system->start[r + 1] - 1;
         if (system->column[first] >= 0) continue;
         int64_t factor = system->coefficient[first];
         memmove(system->column + first, system->column + first + 1, (last - first) * sizeof *system->column);
-        memmove(system->coefficient + first, system->coefficient + first + 1, (last - first) * sizeof *system->coefficient);
+        memmove(system->coefficient + first, system->coefficient + first + 1,
+                (last - first) * sizeof *system->coefficient);
         system->column[last] = (int32_t)next++;
         system->coefficient[last] = factor;
     }
@@ -635,14 +666,16 @@ bw_status bw_sectors_system(bw_context *ctx, const bw_sector_input *input, bw_co
     *system = (bw_core_system){0};
     if (walker_init(&w, ctx, input)) goto out;
     w.system = system;
-    if (bw_reserve(ctx, &system->start, &system->start_room, 1) || estimate_sheets(&w) || visit_all(&w)) goto out;
+    if (bw_reserve(ctx, &system->start, &system->start_room, 1) || estimate_sheets(&w) || visit_all(&w))
+        goto out;
     number_divided(system, w.free_column);
 out:
     walker_clear(&w);
     return ctx->error.status;
 }
 
-bw_status bw_sectors_place(bw_context *ctx, const bw_sector_input *input, const int64_t *x, int64_t (*value)[4][3]) {
+bw_status bw_sectors_place(bw_context *ctx, const bw_sector_input *input, const int64_t *x,
+                           int64_t (*value)[4][3]) {
     walker w;
     if (walker_init(&w, ctx, input)) goto out;
     w.x = x;

@@ -35,7 +35,7 @@ typedef struct {
     column *columns;
     size_t row_count, column_count;
     int32_t bucket[BUCKETS];
-    int32_t *order; /* rows in the order they were made pivots */
+    int32_t *order;     /* rows in the order they were made pivots */
     int32_t *pivot_row; /* [column] row that implies it, or -1 */
     size_t rank;
     mpz_t p, q, g;
@@ -59,8 +59,10 @@ static entry *row_find(const row *r, int32_t c) {
     size_t low = 0, high = r->count;
     while (low < high) {
         size_t mid = (low + high) / 2;
-        if (r->entry[mid].column < c) low = mid + 1;
-        else high = mid;
+        if (r->entry[mid].column < c)
+            low = mid + 1;
+        else
+            high = mid;
     }
     return low < r->count && r->entry[low].column == c ? &r->entry[low] : NULL;
 }
@@ -81,7 +83,8 @@ static bw_status note_column(solver *s, int32_t c, int32_t r) {
     return BW_OK;
 }
 
-/* target := p target - q source, with p, q such that column c vanishes. `active`: keep the columns' lists up to date. */
+/* target := p target - q source, with p, q such that column c vanishes. `active`: keep the columns' lists up
+ * to date. */
 static bw_status subtract(solver *s, int32_t target, const row *source, int32_t c, bool active) {
     row *t = &s->rows[target], *out = &s->spare;
     entry *tc = row_find(t, c), *sc = row_find(source, c);
@@ -95,8 +98,10 @@ static bw_status subtract(solver *s, int32_t target, const row *source, int32_t 
         bool has_s = j < source->count && (i == t->count || source->entry[j].column <= t->entry[i].column);
         entry *e = &out->entry[n];
         e->column = has_t ? t->entry[i].column : source->entry[j].column;
-        if (has_t) mpz_mul(e->factor, s->p, t->entry[i].factor);
-        else mpz_set_ui(e->factor, 0);
+        if (has_t)
+            mpz_mul(e->factor, s->p, t->entry[i].factor);
+        else
+            mpz_set_ui(e->factor, 0);
         if (has_s) mpz_submul(e->factor, s->q, source->entry[j].factor);
         bool zero = !mpz_sgn(e->factor);
         if (active && has_t && zero) s->columns[e->column].alive--;
@@ -121,8 +126,10 @@ static bw_status subtract(solver *s, int32_t target, const row *source, int32_t 
 static void bucket_take(solver *s, int32_t r) {
     row *x = &s->rows[r];
     if (x->bucket < 0) return;
-    if (x->before >= 0) s->rows[x->before].after = x->after;
-    else s->bucket[x->bucket] = x->after;
+    if (x->before >= 0)
+        s->rows[x->before].after = x->after;
+    else
+        s->bucket[x->bucket] = x->after;
     if (x->after >= 0) s->rows[x->after].before = x->before;
     x->bucket = -1;
 }
@@ -145,7 +152,8 @@ static int32_t choose_column(const solver *s, const row *r) {
     for (size_t i = 1; i < r->count; i++) {
         const entry *e = &r->entry[i];
         int order = mpz_cmpabs(e->factor, best->factor);
-        if (order < 0 || (order == 0 && s->columns[e->column].alive < s->columns[best->column].alive)) best = e;
+        if (order < 0 || (order == 0 && s->columns[e->column].alive < s->columns[best->column].alive))
+            best = e;
     }
     return best->column;
 }
@@ -179,7 +187,8 @@ static bw_status forward(solver *s) {
     }
 }
 
-/* From the last pivot to the first: a row's other pivots belong to later rows, which are reduced already and bring in free columns only. */
+/* From the last pivot to the first: a row's other pivots belong to later rows, which are reduced already and
+ * bring in free columns only. */
 static bw_status backward(solver *s) {
     for (size_t i = s->rank; i-- > 0;) {
         int32_t r = s->order[i];
@@ -190,9 +199,11 @@ static bw_status backward(solver *s) {
                 k++;
                 continue;
             }
-            /* Columns before k are no pivots but the row's own, and stay, or vanish, or are joined by free ones. */
+            /* Columns before k are no pivots but the row's own, and stay, or vanish, or are joined by free
+             * ones. */
             if (subtract(s, r, &s->rows[other], c, false)) return s->ctx->error.status;
-            for (k = 0; k < s->rows[r].count && s->rows[r].entry[k].column < c; k++) {}
+            for (k = 0; k < s->rows[r].count && s->rows[r].entry[k].column < c; k++) {
+            }
         }
     }
     return BW_OK;
@@ -230,7 +241,8 @@ static int64_t round_to(int64_t x, int64_t d) {
     return rest > 0 ? down + d : down - d;
 }
 
-static bw_status assign(solver *s, const int64_t *estimate, const int64_t *divisor, int64_t max_value, int64_t *x) {
+static bw_status assign(solver *s, const int64_t *estimate, const int64_t *divisor, int64_t max_value,
+                        int64_t *x) {
     for (size_t c = 0; c < s->column_count; c++)
         x[c] = divisor[c] ? round_to(estimate[c], divisor[c]) : estimate[c];
     for (size_t i = 0; i < s->rank; i++) {
@@ -242,7 +254,8 @@ static bw_status assign(solver *s, const int64_t *estimate, const int64_t *divis
             mpz_submul(s->p, s->q, r->entry[k].factor);
         }
         mpz_srcptr p = row_find(r, r->pivot)->factor;
-        if (!mpz_divisible_p(s->p, p)) return bw_fail(s->ctx, BW_E_INTERNAL, "an implied unknown is no integer");
+        if (!mpz_divisible_p(s->p, p))
+            return bw_fail(s->ctx, BW_E_INTERNAL, "an implied unknown is no integer");
         mpz_divexact(s->p, s->p, p);
         if (mpz_cmpabs_ui(s->p, (unsigned long)max_value) > 0)
             return bw_fail(s->ctx, BW_E_RANGE, "an unknown of the core system leaves the exact grid");
@@ -284,8 +297,8 @@ static void solver_clear(solver *s) {
     mpz_clears(s->p, s->q, s->g, NULL);
 }
 
-bw_status bw_echelon_solve(bw_context *ctx, const bw_equations *equations, const int64_t *estimate, int64_t max_divisor,
-                           int64_t max_value, int64_t *x, bw_echelon_report *report) {
+bw_status bw_echelon_solve(bw_context *ctx, const bw_equations *equations, const int64_t *estimate,
+                           int64_t max_divisor, int64_t max_value, int64_t *x, bw_echelon_report *report) {
     solver s = {.ctx = ctx, .row_count = equations->rows, .column_count = equations->columns};
     int64_t *divisor = bw_alloc(ctx, equations->columns, sizeof *divisor);
     mpz_inits(s.p, s.q, s.g, NULL);

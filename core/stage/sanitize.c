@@ -33,8 +33,9 @@ static int bits_behind(double x) {
     return 53 - exponent - __builtin_ctzll((unsigned long long)mantissa);
 }
 
-/* The usual exponent puts the largest parameter between 2^43 and 2^44. If all parameters are multiples of a finer power of two that
- * the grid still holds, that one is taken, so that values which are exact already stay what they are. */
+/* The usual exponent puts the largest parameter between 2^43 and 2^44. If all parameters are multiples of a
+ * finer power of two that the grid still holds, that one is taken, so that values which are exact already
+ * stay what they are. */
 static bw_status choose_exponent(job *j) {
     double largest = 0;
     int exponent, needed = INT32_MIN;
@@ -50,7 +51,8 @@ static bw_status choose_exponent(job *j) {
     if (needed > j->map->exponent && ldexp(largest, needed) <= (double)BW_GRID_MAX) j->map->exponent = needed;
     j->report->grid_exponent = j->map->exponent;
     if (abs(exponent) > 900)
-        return bw_fail(j->ctx, BW_E_RANGE, "parameters up to %g are outside what doubles can be scaled to", largest);
+        return bw_fail(j->ctx, BW_E_RANGE, "parameters up to %g are outside what doubles can be scaled to",
+                       largest);
     return BW_OK;
 }
 
@@ -122,12 +124,13 @@ static bool is_mirrored(const job *j) {
     size_t negative = 0, positive = 0;
     for (size_t t = 0; t < j->mesh->tet_count; t++) {
         int sign = bw_grid_tet_sign((const int64_t(*)[3])j->map->value[t]);
-        negative += sign < 0, positive += sign > 0;
+        negative += sign<0, positive += sign> 0;
     }
     return negative > positive;
 }
 
-/* Refuses tets that are not positive; those that are so only on the grid say that the grid is too coarse for them. */
+/* Refuses tets that are not positive; those that are so only on the grid say that the grid is too coarse for
+ * them. */
 static bw_status check_signs(job *j) {
     size_t inverted = 0, coarse = 0;
     for (int pass = 0; pass < 2 && !inverted; pass++)
@@ -141,11 +144,13 @@ static bw_status check_signs(job *j) {
             inverted += bad, coarse += !bad;
         }
     if (inverted)
-        return bw_fail(j->ctx, BW_E_INVERTED, "%zu tets are inverted or degenerate in the parametrization; the first is tet %lld",
+        return bw_fail(j->ctx, BW_E_INVERTED,
+                       "%zu tets are inverted or degenerate in the parametrization; the first is tet %lld",
                        inverted, (long long)j->ctx->error.elements[0].id);
     if (coarse)
-        return bw_fail(j->ctx, BW_E_RANGE, "%zu tets are too small for the exact grid, which the largest parameter sets to 2^%d", coarse,
-                       -j->map->exponent);
+        return bw_fail(j->ctx, BW_E_RANGE,
+                       "%zu tets are too small for the exact grid, which the largest parameter sets to 2^%d",
+                       coarse, -j->map->exponent);
     return BW_OK;
 }
 
@@ -176,17 +181,19 @@ static bw_status understand(job *j) {
     return status;
 }
 
-/* Translates every chart so that on the average its values stay where the input has them: errors of the translations found between
- * charts do not add up. Translations are free. */
+/* Translates every chart so that on the average its values stay where the input has them: errors of the
+ * translations found between charts do not add up. Translations are free. */
 static bw_status settle_charts(job *j) {
     double(*sum)[3] = bw_alloc(j->ctx, j->cut.charts, sizeof *sum);
     int64_t *count = bw_alloc(j->ctx, j->cut.charts, sizeof *count);
     for (size_t t = 0; sum && count && t < j->mesh->tet_count; t++, count[j->cut.chart[t - 1]] += 4)
         for (int i = 0; i < 12; i++)
-            sum[j->cut.chart[t]][i % 3] += (double)(j->map->value[t][i / 3][i % 3] - j->rounded[t][i / 3][i % 3]);
+            sum[j->cut.chart[t]][i % 3] +=
+                (double)(j->map->value[t][i / 3][i % 3] - j->rounded[t][i / 3][i % 3]);
     for (size_t t = 0; sum && count && t < j->mesh->tet_count; t++)
         for (int i = 0; i < 12; i++)
-            j->map->value[t][i / 3][i % 3] -= llround(sum[j->cut.chart[t]][i % 3] / (double)count[j->cut.chart[t]]);
+            j->map->value[t][i / 3][i % 3] -=
+                llround(sum[j->cut.chart[t]][i % 3] / (double)count[j->cut.chart[t]]);
     bw_free(j->ctx, sum);
     bw_free(j->ctx, count);
     return j->ctx->error.status;
@@ -207,7 +214,8 @@ static bw_status make_exact(job *j) {
     j->solution = bw_alloc(ctx, equations.columns, sizeof *j->solution);
     if (!j->solution) return ctx->error.status;
     int64_t coarsest = (int64_t)1 << 24; /* 2^-20 of the largest parameter */
-    if (bw_echelon_solve(ctx, &equations, j->system.estimate, coarsest, 2 * BW_COMBED_MAX, j->solution, &solved))
+    if (bw_echelon_solve(ctx, &equations, j->system.estimate, coarsest, 2 * BW_COMBED_MAX, j->solution,
+                         &solved))
         return ctx->error.status;
     j->report->system_rows = equations.rows;
     j->report->system_columns = equations.columns;
@@ -222,8 +230,10 @@ static bw_status make_exact(job *j) {
 static void count_singular(job *j) {
     for (size_t e = 0; e < j->mesh->edge_count; e++) {
         if (!(j->map->edge_flags[e] & BW_EDGE_SINGULAR)) continue;
-        if (j->map->edge_flags[e] & BW_EDGE_BOUNDARY) j->report->singular_boundary++;
-        else j->report->singular_interior++;
+        if (j->map->edge_flags[e] & BW_EDGE_BOUNDARY)
+            j->report->singular_boundary++;
+        else
+            j->report->singular_interior++;
     }
 }
 
@@ -244,7 +254,8 @@ static bw_status run(job *j) {
     return BW_OK;
 }
 
-bw_status bw_sanitize(bw_context *ctx, double tolerance, bw_tet_mesh *mesh, bw_grid_map *map, bw_sanitize_report *report) {
+bw_status bw_sanitize(bw_context *ctx, double tolerance, bw_tet_mesh *mesh, bw_grid_map *map,
+                      bw_sanitize_report *report) {
     job j = {.ctx = ctx, .tolerance = tolerance, .mesh = mesh, .map = map, .report = report};
     *report = (bw_sanitize_report){0};
     bw_status status = run(&j);
