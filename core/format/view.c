@@ -23,6 +23,7 @@ typedef struct {
     size_t vertex_room, of_room;
     bw_cvertex (*triangle)[3];
     bw_chart chart;
+    int outside;         /* side_outside */
 } maker;
 
 /* ---- the lattice ------------------------------------------------------------------------------------------------- */
@@ -126,6 +127,21 @@ static bw_status make_walls(maker *m) {
     return status;
 }
 
+/* 1 if tets that are positive in the parametrization are so in space, else -1. A polygon whose cell is on that side of it turns
+ * counterclockwise for who looks from outside the cell. */
+static int side_outside(const bw_tet_mesh *mesh) {
+    double volume = 0;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        double e[3][3];
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < 3; k++)
+                e[i][k] = mesh->position[mesh->tet[t][i + 1]][k] - mesh->position[mesh->tet[t][0]][k];
+        volume += e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+                  e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
+    }
+    return volume < 0 ? -1 : 1;
+}
+
 /* The polygons of a patch as seen from outside the block on one of its sides. */
 static bw_status add_skin(maker *m, bw_patch patch, int which) {
     const bw_complex *c = m->complex;
@@ -135,7 +151,7 @@ static bw_status add_skin(maker *m, bw_patch patch, int which) {
         bw_polygon p = c->patch_polygon[i];
         int side, slot = m->cells->polygon[p].cell[0] != bw_patch_cell(m->cells, c, patch, p, which);
         status = bw_tessellation_side(m->ctx, m->t, &m->chart, p, slot, &side);
-        if (status == BW_OK) status = add_polygon(m, p, side > 0);
+        if (status == BW_OK) status = add_polygon(m, p, side != m->outside);
     }
     return status;
 }
@@ -210,6 +226,7 @@ bw_status bw_view_write(bw_context *ctx, bw_tessellation *t, const bw_complex *c
     uint8_t *blob[PARTS] = {NULL};
     size_t length[PARTS] = {0};
     m.lattice = bw_view_lattice_of(t->cells->mesh);
+    m.outside = side_outside(t->cells->mesh);
     m.entry_of = bw_alloc(ctx, t->cells->vertex_count, sizeof *m.entry_of);
     m.triangle = bw_alloc(ctx, (size_t)t->largest, sizeof *m.triangle);
     bw_status status = m.entry_of && m.triangle ? BW_OK : ctx->error.status;
