@@ -81,8 +81,9 @@ fi
 
 step "Build (release)"
 mkdir -p "$here"
+# Debian's Python, for which the packages above are: another one may come first in the PATH.
 build() {
-    cmake --preset release && cmake --build --preset release --target blockwright blockwrightd blockwright-worker
+    cmake --preset release -D Python3_EXECUTABLE=/usr/bin/python3 && cmake --build --preset release --target blockwright blockwrightd blockwright-worker
 }
 if ! build >"$here/build.log" 2>&1; then
     tail -n 40 "$here/build.log" >&2
@@ -114,7 +115,7 @@ sh clients/sh/blockwright.sh fetch "$id" --out "$here/result" --quiet
 
 step "What came out"
 "$bin/blockwright" show "$here/result"
-if python3 deploy/draw.py "$here/result/traced.hexex" "$here/result/blocks.svg" >/dev/null; then
+if /usr/bin/python3 deploy/draw.py "$here/result/traced.hexex" "$here/result/blocks.svg" >/dev/null; then
     echo "  blocks.svg           a picture of the blocks, pulled apart"
 fi
 

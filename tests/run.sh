@@ -48,7 +48,8 @@ run_preset() {
     junit=$PWD/build/$1/junit.xml
     rm -f "$junit"
     echo "== $1: build"
-    if ! cmake --preset "$1" >"$log.configure.log" 2>&1; then
+    # Debian's Python, for which the packages are: another one may come first in the PATH.
+    if ! cmake --preset "$1" -D Python3_EXECUTABLE=/usr/bin/python3 >"$log.configure.log" 2>&1; then
         cat "$log.configure.log"
         echo "== $1: could not be configured"
         failed=$((failed + 1))
