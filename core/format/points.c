@@ -356,13 +356,13 @@ static void local_vertex(const bw_chart *chart, bw_cvertex vertex, double out[3]
 }
 
 bw_status bw_chart_add(bw_context *ctx, bw_chart *chart, bw_point point, int32_t *slot) {
-    if (bw_chart_has(chart, point)) {
+    bw_status status = bw_reserve(ctx, &chart->slot, &chart->slot_room, (size_t)point + 1); /* added since it was opened? */
+    if (status == BW_OK && bw_chart_has(chart, point)) {
         *slot = chart->slot[point];
         return BW_OK;
     }
-    bw_status status = bw_reserve(ctx, &chart->point, &chart->point_room, chart->count + 1);
+    if (status == BW_OK) status = bw_reserve(ctx, &chart->point, &chart->point_room, chart->count + 1);
     if (status == BW_OK) status = bw_reserve(ctx, &chart->at, &chart->at_room, chart->count + 1);
-    if (status == BW_OK) status = bw_reserve(ctx, &chart->slot, &chart->slot_room, (size_t)point + 1);
     if (status != BW_OK) return status;
     double *at = chart->at[chart->count];
     const bw_added_point *a = added_point(chart->points, point);
