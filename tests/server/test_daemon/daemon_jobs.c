@@ -188,6 +188,38 @@ static void a_damaged_cache_is_put_right_at_the_start(void **state) {
     json_decref(job);
 }
 
+static int open_descriptors(void) {
+    char command[100];
+    int n = 0;
+    snprintf(command, sizeof command, "ls /proc/%d/fd | wc -l", (int)d.pid);
+    FILE *f = popen(command, "r");
+    assert_non_null(f);
+    assert_int_equal(fscanf(f, "%d", &n), 1);
+    pclose(f);
+    return n;
+}
+
+static void no_descriptor_is_leaked(void **state) {
+    (void)state;
+    int least = 1 << 20, now = 0;
+    for (int round = 0; round < 6; round++) {
+        char id[32], script[60];
+        for (int i = 0; i < 5; i++) {
+            snprintf(script, sizeof script, "%s\n# leak %d %d\n", i % 2 ? "trace fail inverted" : "", round, i);
+            kit_submit(&d, script, NULL, id);
+            json_decref(kit_wait(&d, id, 20));
+            kit_reply r = kit_get(&d, "/v1/jobs/%s/results/data.bin", id);
+            kit_free(&r);
+            r = kit_get(&d, "/v1/jobs/%s/log", id);
+            kit_free(&r);
+        }
+        kit_sleep_ms(50); /* connections close */
+        now = open_descriptors();
+        if (now < least) least = now;
+    }
+    assert_true(now <= least + 4);
+}
+
 static void a_second_daemon_on_the_same_folder_is_refused(void **state) {
     (void)state;
     char command[300];
@@ -224,6 +256,7 @@ int main(void) {
         cmocka_unit_test(a_running_job_tells_stage_and_progress),
         cmocka_unit_test(a_stopped_daemon_goes_on_where_it_was),
         cmocka_unit_test(a_damaged_cache_is_put_right_at_the_start),
+        cmocka_unit_test(no_descriptor_is_leaked),
         cmocka_unit_test(a_second_daemon_on_the_same_folder_is_refused),
         cmocka_unit_test(the_command_line_is_checked),
     };

@@ -143,6 +143,24 @@ static void bad_inputs_fail_as_input_and_say_why(void **state) {
     }
 }
 
+/* Random bytes, also where a number or a line is expected: an input failure with a message that is JSON, never a crash. */
+static void random_bytes_fail_as_input(void **state) {
+    (void)state;
+    for (int i = 0; i < 12; i++) {
+        char content[700], id[32];
+        size_t n = 0;
+        if (i % 3 == 1) n = (size_t)sprintf(content, "4 1\n0 0 0\n");
+        if (i % 3 == 2) n = (size_t)sprintf(content, "4 1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n0 1 2 3 ");
+        while (n < sizeof content - 1) content[n++] = (char)(1 + rand() % 255);
+        content[n] = '\0';
+        kit_submit(&d, content, NULL, id);
+        json_t *job = kit_wait(&d, id, 30), *failure = json_object_get(job, "failure");
+        assert_string_equal(kit_text(failure, "class"), "input");
+        assert_true(strlen(kit_text(failure, "detail")) > 0);
+        json_decref(job);
+    }
+}
+
 static void a_job_too_large_for_its_limits_fails_as_limit(void **state) {
     (void)state;
     char id[32];
@@ -165,6 +183,7 @@ int main(void) {
         cmocka_unit_test(results_are_the_bytes_of_a_local_run),
         cmocka_unit_test(results_are_the_same_bytes_after_kills),
         cmocka_unit_test(bad_inputs_fail_as_input_and_say_why),
+        cmocka_unit_test(random_bytes_fail_as_input),
         cmocka_unit_test(a_job_too_large_for_its_limits_fails_as_limit),
     };
     return cmocka_run_group_tests(tests, start, stop);
