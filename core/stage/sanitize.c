@@ -62,16 +62,16 @@ static bw_status round_values(job *j) {
     if (!j->map->value) return j->ctx->error.status;
     const double *p = &j->mesh->parameter[0][0][0];
     int64_t *v = &j->map->value[0][0][0];
-    for (size_t i = 0; i < n; i++) v[i] = llrint(ldexp(p[i], j->map->exponent));
+    double scale = ldexp(1, j->map->exponent); /* products with it are exact */
+    for (size_t i = 0; i < n; i++) v[i] = llrint(p[i] * scale);
     return BW_OK;
 }
 
 static double displacement(const job *j) {
     const double *p = &j->mesh->parameter[0][0][0];
     const int64_t *v = &j->map->value[0][0][0];
-    double most = 0;
-    for (size_t i = 0; i < 12 * j->mesh->tet_count; i++)
-        most = fmax(most, fabs((double)v[i] - ldexp(p[i], j->map->exponent)));
+    double most = 0, scale = ldexp(1, j->map->exponent);
+    for (size_t i = 0; i < 12 * j->mesh->tet_count; i++) most = fmax(most, fabs((double)v[i] - p[i] * scale));
     return ldexp(most, -j->map->exponent);
 }
 

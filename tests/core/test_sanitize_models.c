@@ -115,10 +115,42 @@ static void the_result_does_not_depend_on_the_run(void **state) {
     drop_model(&model);
 }
 
+typedef struct {
+    const char *name;
+    size_t cut_sheets, align_sheets, branches, nodes;
+} figures;
+
+/* Figures that follow from the shape. A cuboid's boundary is its cube graph and needs no cut. A ring of
+ * square section is cut by one disc; its four sides, cut there too, are one strip each, whatever the twist by
+ * which the disc glues them to each other; the disc's rim has four edges, and four edges run once around the
+ * ring. */
+static void the_cut_of_simple_models_is_the_simple_one(void **state) {
+    static const figures list[] = {{"cuboid", 0, 6, 12, 8},       {"l-shape", 0, 8, 18, 12},
+                                   {"plus", 0, 30, 60, 32},       {"torus", 1, 4, 8, 4},
+                                   {"torus-quarter", 1, 4, 8, 4}, {"torus-half", 1, 4, 8, 4}};
+    (void)state;
+    for (size_t i = 0; i < sizeof list / sizeof *list; i++) {
+        bw_model_options o = model_options(1, 0, 1e-5, BW_SCRAMBLE_NONE, kit_seed());
+        bw_model model = make_model(list[i].name, &o);
+        sanitized s;
+        sanitize_model(&s, &model, 1e-3);
+        kit_expect_ok(&s.ctx, s.status);
+        print_message("%s: sheets %zu + %zu branches %zu nodes %zu\n", list[i].name, s.report.cut_sheets,
+                      s.report.align_sheets, s.report.branches, s.report.nodes);
+        assert_int_equal(s.report.cut_sheets, list[i].cut_sheets);
+        assert_int_equal(s.report.align_sheets, list[i].align_sheets);
+        assert_int_equal(s.report.branches, list[i].branches);
+        assert_int_equal(s.report.nodes, list[i].nodes);
+        drop_sanitized(&s);
+        drop_model(&model);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_model_is_repaired_in_every_kind_of_chart),
         cmocka_unit_test(small_models_are_repaired_for_many_seeds),
+        cmocka_unit_test(the_cut_of_simple_models_is_the_simple_one),
         cmocka_unit_test(finer_models_are_repaired),
         cmocka_unit_test(the_result_does_not_depend_on_the_run),
     };
