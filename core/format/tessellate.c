@@ -236,6 +236,7 @@ static bw_status add_inside(bw_context *ctx, bw_tessellation *t, bw_chart *chart
     bw_added_point point = {.tet = chart->tet, .mean = {BW_NONE}};
     int32_t slot;
     status = bw_points_add(ctx, &t->points, &point, &t->apex[cell]);
+    if (status != BW_OK) return status;
     bw_added_point *added = &t->points.added[t->points.added_count - 1];
     for (int bits = extent > 1 ? ilogb(extent) : 0; status == BW_OK && bits >= 0; bits -= 2) {
         for (int k = 0; k < 3; k++) /* a multiple of 2^bits in the chart itself, so that trailing zeros cancel */
