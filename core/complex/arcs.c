@@ -18,10 +18,10 @@ static int walls_around(const bw_cells *c, bw_cedge e) {
 }
 
 /* A wall passes flat through a regular edge that carries two wall polygons: that these are coplanar is for the check of the blocks'
- * charts to verify. Every other edge with walls is part of an arc. */
+ * charts to verify. Every other edge with walls is part of an arc, and so are the edges that reduction marked. */
 static bool is_arc_edge(const bw_cells *c, bw_cedge e) {
     int walls = walls_around(c, e);
-    return walls > 2 || (walls > 0 && (walls == 1 || bw_cells_edge_is_singular(c, e)));
+    return walls > 2 || (walls > 0 && (walls == 1 || c->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(c, e)));
 }
 
 /* What all edges of one arc have in common: quarter turns around it, its flags, and its number of walls. */

@@ -131,6 +131,7 @@ static bw_status collect_rims(bw_build *b, appearances *list, box *extent) {
         status = visit_rim(b, p, widen, &r.extent);
         if (status == BW_OK) status = visit_rim(b, p, add_to_side, &r);
         extent[p] = r.extent;
+        memcpy(x->patch_low[p], r.extent.low, sizeof x->patch_low[p]);
         int normal = x->patch_side[p][0] >> 1;
         for (int i = 0; i < 2 && status == BW_OK; i++) {
             int k = (normal + 1 + i) % 3;

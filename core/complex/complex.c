@@ -6,7 +6,7 @@
 
 void bw_complex_clear(bw_context *ctx, bw_complex *x) {
     void *blocks[] = {x->node_vertex, x->node_flags, x->arc_node, x->arc_length, x->arc_quarters, x->arc_flags,
-                      x->arc_edge_begin, x->arc_edge, x->patch_block, x->patch_side, x->patch_extent, x->patch_distance,
+                      x->arc_edge_begin, x->arc_edge, x->patch_block, x->patch_side, x->patch_extent, x->patch_low, x->patch_distance,
                       x->patch_flags, x->patch_polygon_begin, x->patch_polygon, x->patch_chain_begin, x->patch_chain,
                       x->patch_corner, x->block_extent, x->block_corner, x->block_side_begin, x->block_side,
                       x->block_edge_begin, x->block_edge, x->cell_block, x->cell_chart};

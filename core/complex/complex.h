@@ -23,9 +23,14 @@
 
 #include "mesh/cells.h"
 
-enum { BW_NODE_SINGULAR = 1, BW_NODE_BOUNDARY = 2 };
-enum { BW_ARC_SINGULAR = 1, BW_ARC_BOUNDARY = 2, BW_ARC_T = 4 };
-enum { BW_PATCH_BOUNDARY = 1, BW_PATCH_SINGULAR = 2 /* a rim arc is singular */, BW_PATCH_TORUS = 4 /* made by torus splitting */ };
+enum { BW_NODE_SINGULAR = 1, BW_NODE_BOUNDARY = 2, BW_NODE_FEATURE = 4 };
+enum { BW_ARC_SINGULAR = 1, BW_ARC_BOUNDARY = 2, BW_ARC_T = 4, BW_ARC_FEATURE = 8 };
+enum {
+    BW_PATCH_BOUNDARY = 1,
+    BW_PATCH_SINGULAR = 2, /* a rim arc is singular */
+    BW_PATCH_TORUS = 4,    /* made by torus splitting */
+    BW_PATCH_FEATURE = 8
+};
 
 /* An arc as part of a chain: arc index * 2 + 1 if walked from its second node to its first. */
 typedef int32_t bw_arc_use;
@@ -46,6 +51,7 @@ typedef struct {
     bw_block (*patch_block)[2]; /* [patch]; BW_NONE outside */
     uint8_t (*patch_side)[2];   /* the side of patch_block[i] that it lies in */
     int64_t (*patch_extent)[2]; /* grid units: along sides 0 and 2, along sides 1 and 3 */
+    int64_t (*patch_low)[3];    /* its low corner in the chart of patch_block[0] */
     int64_t *patch_distance;    /* from the wall's origin (minimum over its polygons) */
     uint8_t *patch_flags;
     size_t *patch_polygon_begin;

@@ -75,6 +75,7 @@ bw_status bw_build_patches(bw_build *b) {
     x->patch_block = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_block);
     x->patch_side = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_side);
     x->patch_extent = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_extent);
+    x->patch_low = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_low);
     x->patch_distance = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_distance);
     x->patch_flags = bw_alloc(b->ctx, x->patch_count, 1);
     status = b->ctx->error.status;

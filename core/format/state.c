@@ -63,6 +63,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("patch.block", s->complex.patch_block, n->patch);
     FIELD("patch.side", s->complex.patch_side, n->patch);
     FIELD("patch.extent", s->complex.patch_extent, n->patch);
+    FIELD("patch.low", s->complex.patch_low, n->patch);
     FIELD("patch.distance", s->complex.patch_distance, n->patch);
     FIELD("patch.flags", s->complex.patch_flags, n->patch);
     FIELD("patch.poly.begin", s->complex.patch_polygon_begin, n->patch + 1);

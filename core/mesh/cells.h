@@ -46,6 +46,7 @@ typedef struct {
     bw_cedge parent;
     bw_half half;         /* any half-edge of the radial ring */
     uint8_t kind;         /* bw_carrier, not BW_IN_VERTEX */
+    uint8_t flags;        /* BW_KEPT; children inherit */
 } bw_cell_edge;
 
 typedef struct {
@@ -56,6 +57,7 @@ typedef struct {
     bw_half radial;         /* next half-edge of the same edge */
 } bw_cell_half;
 
+enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds rectangles (MC 5.4) */ };
 enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */ };
 
 typedef struct {
