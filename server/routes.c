@@ -18,7 +18,8 @@ static const uint64_t room_kept = (uint64_t)64 << 20; /* uploads leave this much
 
 /* Replies for a failure of store or queue. */
 static void storage_problem(bw_request *r) {
-    bw_reply_problem(r, errno == ENOSPC ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the daemon's storage failed");
+    bool full = errno == ENOSPC || bw_store_room(r->services->store) < room_kept / 64;
+    bw_reply_problem(r, full ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the daemon's storage failed");
 }
 
 /* ---- blobs ---- */
