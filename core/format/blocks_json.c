@@ -11,10 +11,12 @@ typedef struct {
     const bw_complex *c;
 } writer;
 
-/* ---- patches and charts ------------------------------------------------------------------------------------------ */
+/* ---- patches and charts
+ * ------------------------------------------------------------------------------------------ */
 
 /* Whether a cell sees the polygon as part of that side of that block. */
-static bool sees(const bw_cells *cells, const bw_complex *c, bw_cell cell, bw_polygon p, bw_block block, uint8_t side) {
+static bool sees(const bw_cells *cells, const bw_complex *c, bw_cell cell, bw_polygon p, bw_block block,
+                 uint8_t side) {
     if (cell == BW_NONE || c->cell_block[cell] != block) return false;
     bw_plane plane = bw_cells_polygon_plane(cells, p, cells->cell[cell].tet);
     if (plane.axis < 0) return false;
@@ -22,7 +24,8 @@ static bool sees(const bw_cells *cells, const bw_complex *c, bw_cell cell, bw_po
     return side == 2 * plane.axis + (plane.value != 0);
 }
 
-bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *c, bw_patch patch, bw_polygon polygon, int which) {
+bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *c, bw_patch patch, bw_polygon polygon,
+                      int which) {
     bw_block block = c->patch_block[patch][which];
     const bw_cell *cell = cells->polygon[polygon].cell;
     if (c->patch_block[patch][!which] != block) return cell[c->cell_block[cell[0]] == block ? 0 : 1];
@@ -34,12 +37,14 @@ bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *c, bw_patch patch
 bw_transition bw_patch_transition(const bw_cells *cells, const bw_complex *c, bw_patch patch) {
     bw_polygon p = c->patch_polygon[c->patch_polygon_begin[patch]];
     bw_cell from = bw_patch_cell(cells, c, patch, p, 0), to = bw_cells_across(cells, p, from);
-    bw_transition in = bw_transition_inverse(&c->cell_chart[from]), across = bw_cells_transition(cells, p, from);
+    bw_transition in = bw_transition_inverse(&c->cell_chart[from]),
+                  across = bw_cells_transition(cells, p, from);
     bw_transition there = bw_transition_compose(&across, &in);
     return bw_transition_compose(&c->cell_chart[to], &there);
 }
 
-/* ---- values ------------------------------------------------------------------------------------------------------ */
+/* ---- values
+ * ------------------------------------------------------------------------------------------------------ */
 
 static void put_key(writer *w, const char *key, bool first) {
     bw_put_text(&w->out, first ? "{\"" : ", \"");
@@ -106,7 +111,8 @@ static void put_chains(writer *w, const char *key, const bw_arc_use *use, const 
     bw_put_text(&w->out, "]");
 }
 
-/* ---- elements ---------------------------------------------------------------------------------------------------- */
+/* ---- elements
+ * ---------------------------------------------------------------------------------------------------- */
 
 static void put_node(writer *w, size_t i, const double position[3]) {
     put_key(w, "vertex", true);
@@ -140,7 +146,8 @@ static void put_transition(writer *w, bw_patch patch) {
     }
     bw_transition t = bw_patch_transition(w->cells, w->c, patch);
     int32_t turn[3];
-    for (int k = 0; k < 3; k++) turn[k] = bw_rotation_sign[t.rotation][k] * (bw_rotation_axis[t.rotation][k] + 1);
+    for (int k = 0; k < 3; k++)
+        turn[k] = bw_rotation_sign[t.rotation][k] * (bw_rotation_axis[t.rotation][k] + 1);
     put_key(w, "rotation", true);
     put_list(w, turn, 3);
     put_key(w, "shift_grid", false);
@@ -179,7 +186,8 @@ static void put_block(writer *w, size_t i, double volume) {
     put_key(w, "sides", false);
     for (size_t s = 6 * i; s < 6 * i + 6; s++) {
         bw_put_text(&w->out, s > 6 * i ? ", " : "[");
-        put_list(w, w->c->block_side + w->c->block_side_begin[s], w->c->block_side_begin[s + 1] - w->c->block_side_begin[s]);
+        put_list(w, w->c->block_side + w->c->block_side_begin[s],
+                 w->c->block_side_begin[s + 1] - w->c->block_side_begin[s]);
     }
     bw_put_text(&w->out, "]");
     put_chains(w, "edges", w->c->block_edge, w->c->block_edge_begin + 12 * i, 12);
@@ -199,8 +207,11 @@ static void put_head(writer *w, const char *kind) {
     const struct {
         const char *key;
         size_t count;
-    } counts[] = {{"nodes", w->c->node_count}, {"arcs", w->c->arc_count}, {"patches", w->c->patch_count},
-                  {"blocks", w->c->block_count}, {"torus_splits", w->c->torus_splits}};
+    } counts[] = {{"nodes", w->c->node_count},
+                  {"arcs", w->c->arc_count},
+                  {"patches", w->c->patch_count},
+                  {"blocks", w->c->block_count},
+                  {"torus_splits", w->c->torus_splits}};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         put_key(w, counts[i].key, i == 0);
         bw_put_integer(&w->out, (int64_t)counts[i].count);
@@ -209,12 +220,14 @@ static void put_head(writer *w, const char *kind) {
 }
 
 bw_status bw_blocks_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const char *kind,
-                          const double *volume, const double (*position)[3], const char *path, uint64_t *bytes) {
+                          const double *volume, const double (*position)[3], const char *path,
+                          uint64_t *bytes) {
     writer w = {.cells = cells, .c = complex};
     bw_output_open(ctx, &w.out, path);
     put_head(&w, kind);
     static const char *const names[] = {"nodes", "arcs", "patches", "blocks"};
-    const size_t counts[] = {complex->node_count, complex->arc_count, complex->patch_count, complex->block_count};
+    const size_t counts[] = {complex->node_count, complex->arc_count, complex->patch_count,
+                             complex->block_count};
     for (int list = 0; list < 4; list++) {
         bw_put_text(&w.out, ",\n\"");
         bw_put_text(&w.out, names[list]);

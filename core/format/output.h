@@ -24,14 +24,16 @@ typedef struct {
     bw_status status;
 } bw_output;
 
-/* Creates or empties the file. A failure, this one or a later one (disk full), makes every bw_put_* that follows do nothing
- * and is returned by bw_output_close, which must follow in any case. */
+/* Creates or empties the file. A failure, this one or a later one (disk full), makes every bw_put_* that
+ * follows do nothing and is returned by bw_output_close, which must follow in any case. */
 bw_status bw_output_open(bw_context *ctx, bw_output *out, const char *path);
 /* Writes what is buffered, closes, frees. bytes (may be NULL): size of the file. */
 bw_status bw_output_close(bw_output *out, uint64_t *bytes);
 
 void bw_put_bytes(bw_output *out, const void *bytes, size_t length);
-static inline void bw_put_text(bw_output *out, const char *text) { bw_put_bytes(out, text, strlen(text)); }
+static inline void bw_put_text(bw_output *out, const char *text) {
+    bw_put_bytes(out, text, strlen(text));
+}
 void bw_put_integer(bw_output *out, int64_t value);
 void bw_put_number(bw_output *out, double value); /* shortest decimal that reads back as the same double */
 

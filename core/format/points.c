@@ -6,7 +6,8 @@
 typedef __int128 i128;
 typedef unsigned __int128 u128;
 
-/* ---- exact values ------------------------------------------------------------------------------------------------ */
+/* ---- exact values
+ * ------------------------------------------------------------------------------------------------ */
 
 static uint64_t gcd64(uint64_t a, uint64_t b) {
     if (!a || !b) return a | b;
@@ -29,10 +30,12 @@ static void mpz_set_u128(mpz_t z, u128 x) {
     mpz_add_ui(z, z, (uint64_t)x);
 }
 
-static u128 mpz_get_u128(const mpz_t z) { return (u128)mpz_getlimbn(z, 1) << 64 | mpz_getlimbn(z, 0); }
+static u128 mpz_get_u128(const mpz_t z) {
+    return (u128)mpz_getlimbn(z, 1) << 64 | mpz_getlimbn(z, 0);
+}
 
-/* Fractional part of the one coordinate of a facet vertex that is not an integer. Below 2^96: its denominator divides a
- * component of the facet's normal. */
+/* Fractional part of the one coordinate of a facet vertex that is not an integer. Below 2^96: its denominator
+ * divides a component of the facet's normal. */
 static bw_status add_fraction(bw_context *ctx, bw_points *points, bw_cvertex vertex, mpq_t q[3]) {
     const bw_cell_vertex *v = &points->cells->vertex[vertex];
     bw_status status = bw_reserve(ctx, &points->fraction, &points->fraction_room, points->fraction_count + 1);
@@ -41,7 +44,8 @@ static bw_status add_fraction(bw_context *ctx, bw_points *points, bw_cvertex ver
     bw_cells_parameter(points->cells, vertex, points->cells->mesh->facet_tet[v->carrier][0], q);
     mpz_fdiv_r(points->scratch[0], mpq_numref(q[axis]), mpq_denref(q[axis]));
     if (mpz_sizeinbase(mpq_denref(q[axis]), 2) > 100)
-        return bw_fail(ctx, BW_E_CHECK, "vertex %d of the cell complex has too large a denominator", (int)vertex);
+        return bw_fail(ctx, BW_E_CHECK, "vertex %d of the cell complex has too large a denominator",
+                       (int)vertex);
     u128 *fraction = points->fraction[points->fraction_count];
     fraction[0] = mpz_get_u128(points->scratch[0]);
     fraction[1] = mpz_get_u128(mpq_denref(q[axis]));
@@ -75,7 +79,8 @@ void bw_points_clear(bw_context *ctx, bw_points *points) {
 bw_status bw_points_add(bw_context *ctx, bw_points *points, const bw_added_point *point, bw_point *out) {
     bw_status status = bw_reserve(ctx, &points->added, &points->added_room, points->added_count + 1);
     if (status != BW_OK) return status;
-    if (bw_points_count(points) >= INT32_MAX) return bw_fail(ctx, BW_E_LIMIT, "the traced mesh has too many vertices");
+    if (bw_points_count(points) >= INT32_MAX)
+        return bw_fail(ctx, BW_E_LIMIT, "the traced mesh has too many vertices");
     *out = (bw_point)bw_points_count(points);
     points->added[points->added_count++] = *point;
     return BW_OK;
@@ -106,7 +111,8 @@ void bw_points_exact(const bw_points *points, bw_point point, bw_tet tet, mpq_t 
 }
 
 static double det3(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
+           a[2] * (b[0] * c[1] - b[1] * c[0]);
 }
 
 /* Barycentric coordinates in the parametrization, by Cramer's rule, carried over to space. */
@@ -121,7 +127,8 @@ static void grid_point_position(const bw_cells *cells, const bw_added_point *a, 
         out[k] = x[corner[0]][k];
     }
     double whole = det3(e[0], e[1], e[2]);
-    double weight[3] = {det3(p, e[1], e[2]) / whole, det3(e[0], p, e[2]) / whole, det3(e[0], e[1], p) / whole};
+    double weight[3] = {det3(p, e[1], e[2]) / whole, det3(e[0], p, e[2]) / whole,
+                        det3(e[0], e[1], p) / whole};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) out[k] += weight[i] * (x[corner[i + 1]][k] - x[corner[0]][k]);
 }
@@ -146,7 +153,8 @@ bw_status bw_points_positions(bw_context *ctx, const bw_points *points, double (
     return BW_OK;
 }
 
-/* ---- text -------------------------------------------------------------------------------------------------------- */
+/* ---- text
+ * -------------------------------------------------------------------------------------------------------- */
 
 static size_t print_u128(u128 x, char *text) {
     static const uint64_t chunk = 10000000000000000000u; /* 10^19 */
@@ -169,15 +177,16 @@ static size_t print_u128(u128 x, char *text) {
     return (size_t)(p - text);
 }
 
-/* numerator / (denominator 2^exponent), where numerator / denominator is in lowest terms; the numerator is in scratch[0],
- * the denominator in scratch[1]. For what does not fit the fast form below. */
+/* numerator / (denominator 2^exponent), where numerator / denominator is in lowest terms; the numerator is in
+ * scratch[0], the denominator in scratch[1]. For what does not fit the fast form below. */
 static size_t print_long(bw_points *points, int32_t exponent, char *text) {
     mpz_ptr n = points->scratch[0], d = points->scratch[1];
     if (mpz_sgn(n) == 0) {
         text[0] = '0';
         return 1;
     }
-    mp_bitcnt_t up = exponent > 0 ? (mp_bitcnt_t)exponent : 0, down = exponent < 0 ? (mp_bitcnt_t)-exponent : 0;
+    mp_bitcnt_t up = exponent > 0 ? (mp_bitcnt_t)exponent : 0,
+                down = exponent < 0 ? (mp_bitcnt_t)-exponent : 0;
     mp_bitcnt_t shared = mpz_scan1(n, 0) < up ? mpz_scan1(n, 0) : up;
     mpz_tdiv_q_2exp(n, n, shared);
     mpz_mul_2exp(d, d, up - shared);
@@ -195,7 +204,8 @@ static size_t print_long(bw_points *points, int32_t exponent, char *text) {
 }
 
 /* The same with a numerator below 2^127 and a denominator below 2^48. */
-static size_t print_ratio(bw_points *points, i128 numerator, uint64_t denominator, int32_t exponent, char *text) {
+static size_t print_ratio(bw_points *points, i128 numerator, uint64_t denominator, int32_t exponent,
+                          char *text) {
     u128 n = numerator < 0 ? -(u128)numerator : (u128)numerator;
     if (exponent < 0 || exponent > 79) {
         mpz_set_u128(points->scratch[0], n);
@@ -240,12 +250,15 @@ static size_t print_on_edge(bw_points *points, const edge_place *at, int axis, c
     int64_t span = at->q[axis] - at->p[axis];
     uint64_t g = gcd64(span < 0 ? -(uint64_t)span : (uint64_t)span, at->denominator);
     uint64_t denominator = at->denominator / g;
-    i128 numerator = (i128)at->p[axis] * (int64_t)denominator + (i128)(span / (int64_t)g) * (int64_t)at->numerator;
+    i128 numerator =
+        (i128)at->p[axis] * (int64_t)denominator + (i128)(span / (int64_t)g) * (int64_t)at->numerator;
     return print_ratio(points, numerator, denominator, points->cells->map->exponent, text);
 }
 
-/* Coordinate `axis` of a facet vertex in the chart of `tet` as whole + sign * fraction. sign 0: an integer. */
-static int64_t whole_in_facet(const bw_cells *cells, const bw_cell_vertex *v, bw_tet tet, int axis, int *sign) {
+/* Coordinate `axis` of a facet vertex in the chart of `tet` as whole + sign * fraction. sign 0: an integer.
+ */
+static int64_t whole_in_facet(const bw_cells *cells, const bw_cell_vertex *v, bw_tet tet, int axis,
+                              int *sign) {
     if (tet == cells->mesh->facet_tet[v->carrier][0]) {
         *sign = v->fraction >> axis & 1;
         return v->exact[axis];
@@ -302,16 +315,17 @@ size_t bw_points_print(bw_points *points, bw_point point, bw_tet tet, char *text
             length += print_in_facet(points, point, tet, k, text + length);
         else
             length += print_ratio(points,
-                                  a                          ? a->value[k]
+                                  a                         ? a->value[k]
                                   : v->kind == BW_IN_VERTEX ? value_at(cells, tet, v->carrier)[k]
-                                                             : v->exact[k],
+                                                            : v->exact[k],
                                   1, cells->map->exponent, text + length);
         text[length++] = 0;
     }
     return length;
 }
 
-/* ---- charts ------------------------------------------------------------------------------------------------------ */
+/* ---- charts
+ * ------------------------------------------------------------------------------------------------------ */
 
 bw_status bw_chart_open(bw_context *ctx, bw_chart *chart, const bw_points *points, bw_tet tet) {
     chart->points = points;
@@ -321,7 +335,8 @@ bw_status bw_chart_open(bw_context *ctx, bw_chart *chart, const bw_points *point
     int64_t(*value)[3] = points->cells->map->value[tet];
     for (int k = 0; k < 3; k++) {
         chart->origin[k] = value[0][k];
-        for (int i = 1; i < 4; i++) chart->size = fmax(chart->size, fabs((double)(value[i][k] - value[0][k])));
+        for (int i = 1; i < 4; i++)
+            chart->size = fmax(chart->size, fabs((double)(value[i][k] - value[0][k])));
     }
     return bw_reserve(ctx, &chart->slot, &chart->slot_room, bw_points_count(points));
 }
@@ -331,8 +346,8 @@ void bw_chart_clear(bw_context *ctx, bw_chart *chart) {
     *chart = (bw_chart){0};
 }
 
-/* A vertex of the complex, relative to the origin. In units of 2^-53 size the errors are: 5 in an edge (two roundings of a
- * term up to twice the size, and the sum's), 4 in a facet, 0 elsewhere. */
+/* A vertex of the complex, relative to the origin. In units of 2^-53 size the errors are: 5 in an edge (two
+ * roundings of a term up to twice the size, and the sum's), 4 in a facet, 0 elsewhere. */
 static void local_vertex(const bw_chart *chart, bw_cvertex vertex, double out[3]) {
     const bw_cells *cells = chart->points->cells;
     const bw_cell_vertex *v = &cells->vertex[vertex];
@@ -340,7 +355,8 @@ static void local_vertex(const bw_chart *chart, bw_cvertex vertex, double out[3]
         const int64_t *p = value_at(cells, chart->tet, cells->mesh->edge[v->carrier][0]);
         const int64_t *q = value_at(cells, chart->tet, cells->mesh->edge[v->carrier][1]);
         double n = (double)v->exact[0], d = (double)v->exact[1];
-        for (int k = 0; k < 3; k++) out[k] = (double)(p[k] - chart->origin[k]) + n * (double)(q[k] - p[k]) / d;
+        for (int k = 0; k < 3; k++)
+            out[k] = (double)(p[k] - chart->origin[k]) + n * (double)(q[k] - p[k]) / d;
     } else if (v->kind == BW_IN_FACET) {
         for (int k = 0; k < 3; k++) {
             int sign;
@@ -356,7 +372,8 @@ static void local_vertex(const bw_chart *chart, bw_cvertex vertex, double out[3]
 }
 
 bw_status bw_chart_add(bw_context *ctx, bw_chart *chart, bw_point point, int32_t *slot) {
-    bw_status status = bw_reserve(ctx, &chart->slot, &chart->slot_room, (size_t)point + 1); /* added since it was opened? */
+    bw_status status =
+        bw_reserve(ctx, &chart->slot, &chart->slot_room, (size_t)point + 1); /* added since it was opened? */
     if (status == BW_OK && bw_chart_has(chart, point)) {
         *slot = chart->slot[point];
         return BW_OK;
@@ -398,9 +415,9 @@ double bw_chart_volume(const bw_chart *chart, const int32_t slot[4]) {
     return -det3(e[0], e[1], e[2]); /* relative to the last corner the order is reversed */
 }
 
-/* With D the largest entry (made larger by 2^-47 size, which covers all errors of it) an entry is off by less than
- * 2^-47.9 size; the determinant's six products are off by 18 D^2 of that, and 42 roundings of D^3 come on top, D being
- * at most twice the size: less than 2^-43 D^2 size together. */
+/* With D the largest entry (made larger by 2^-47 size, which covers all errors of it) an entry is off by less
+ * than 2^-47.9 size; the determinant's six products are off by 18 D^2 of that, and 42 roundings of D^3 come
+ * on top, D being at most twice the size: less than 2^-43 D^2 size together. */
 int bw_chart_sign_filtered(const bw_chart *chart, const int32_t slot[4]) {
     double e[3][3], largest = differences(chart, slot, 4, e) + 0x1p-47 * chart->size;
     double volume = -det3(e[0], e[1], e[2]), bound = 0x1p-43 * largest * largest * chart->size;
@@ -448,7 +465,8 @@ int bw_chart_sign(const bw_chart *chart, const int32_t slot[4]) {
     return sign;
 }
 
-/* A component of the cross product is off by 4 D times an entry's error and 6 roundings of D^2: less than 2^-45 D size. */
+/* A component of the cross product is off by 4 D times an entry's error and 6 roundings of D^2: less than
+ * 2^-45 D size. */
 bool bw_chart_collinear(const bw_chart *chart, const int32_t slot[3]) {
     double e[2][3], largest = differences(chart, slot, 3, e) + 0x1p-47 * chart->size;
     for (int k = 0; k < 3; k++) {

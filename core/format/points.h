@@ -1,11 +1,11 @@
 /* Exact points of the traced mesh: the vertices of a cell complex, and points added inside cells.
  *
  * Invariants
- *  1. Points 0 .. cells->vertex_count - 1 are the complex's vertices; the added ones follow. An added point belongs to one
- *     tet, and is a grid point of its chart or the mean of four complex vertices.
- *  2. A chart lists points of one tet with coordinates relative to the tet's corner 0, in doubles. With size the largest
- *     coordinate of the tet in that frame, each is off by at most 2^-49 size; every sign is decided from that bound,
- *     and in exact arithmetic where it does not decide.
+ *  1. Points 0 .. cells->vertex_count - 1 are the complex's vertices; the added ones follow. An added point
+ *     belongs to one tet, and is a grid point of its chart or the mean of four complex vertices.
+ *  2. A chart lists points of one tet with coordinates relative to the tet's corner 0, in doubles. With size
+ *     the largest coordinate of the tet in that frame, each is off by at most 2^-49 size; every sign is
+ *     decided from that bound, and in exact arithmetic where it does not decide.
  */
 #ifndef BW_FORMAT_POINTS_H
 #define BW_FORMAT_POINTS_H
@@ -15,15 +15,18 @@
 typedef int32_t bw_point;
 
 typedef struct {
-    int64_t value[3];       /* grid units, chart of `tet`; unused for a mean */
-    bw_cvertex mean[4];     /* mean[0] is BW_NONE for a grid point */
+    int64_t value[3];   /* grid units, chart of `tet`; unused for a mean */
+    bw_cvertex mean[4]; /* mean[0] is BW_NONE for a grid point */
     bw_tet tet;
 } bw_added_point;
 
+/* numerator, denominator in lowest terms, between 0 and 1, in the home chart of the facet */
+typedef unsigned __int128 bw_fraction[2];
+
 typedef struct {
     const bw_cells *cells; /* borrowed */
-    int32_t *fraction_of;  /* [vertex] index into `fraction`; BW_NONE if all its coordinates are integers, or of an edge */
-    unsigned __int128 (*fraction)[2]; /* numerator, denominator; lowest terms; in the home chart of the facet */
+    int32_t *fraction_of;  /* [vertex] index into `fraction`; BW_NONE: no fraction, or not in a facet */
+    bw_fraction *fraction;
     size_t fraction_count, fraction_room;
     bw_added_point *added;
     size_t added_count, added_room;
@@ -45,8 +48,8 @@ void bw_points_exact(const bw_points *points, bw_point point, bw_tet tet, mpq_t 
 void bw_points_position(const bw_points *points, bw_point point, double out[3]);
 /* Positions of all points; bw_free'd by the caller. O(n). */
 bw_status bw_points_positions(bw_context *ctx, const bw_points *points, double (**out)[3]);
-/* The three parameters as canonical rationals p/q, integers without a denominator, each with a NUL after it. Returns the
- * length of all three. Room: BW_POINT_TEXT bytes. */
+/* The three parameters as canonical rationals p/q, integers without a denominator, each with a NUL after it.
+ * Returns the length of all three. Room: BW_POINT_TEXT bytes. */
 enum { BW_POINT_TEXT = 1200 };
 size_t bw_points_print(bw_points *points, bw_point point, bw_tet tet, char *text);
 
@@ -56,9 +59,9 @@ typedef struct {
     int64_t origin[3];
     double size;
     size_t count;
-    bw_point *point;  /* [slot] */
-    double (*at)[3];  /* [slot] */
-    int32_t *slot;    /* [point]; meaningful where point[slot] is the point */
+    bw_point *point; /* [slot] */
+    double (*at)[3]; /* [slot] */
+    int32_t *slot;   /* [point]; meaningful where point[slot] is the point */
     size_t point_room, at_room, slot_room;
 } bw_chart;
 

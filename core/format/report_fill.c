@@ -10,7 +10,8 @@ void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh) {
     report->input.facets = mesh->facet_count;
     report->input.edges = mesh->edge_count;
     report->input.boundary_facets = 0;
-    for (size_t f = 0; f < mesh->facet_count; f++) report->input.boundary_facets += mesh->facet_tet[f][1] == BW_NONE;
+    for (size_t f = 0; f < mesh->facet_count; f++)
+        report->input.boundary_facets += mesh->facet_tet[f][1] == BW_NONE;
     report->input.feature_vertices = mesh->feature_vertex_count;
     report->input.feature_edges = mesh->feature_edge_count;
     report->input.feature_facets = mesh->feature_facet_count;
@@ -32,7 +33,8 @@ void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
     report->trace.cells = cells->cell_count;
     report->trace.edges = report->trace.polygons = 0;
     report->trace.wall_polygons = report->trace.boundary_polygons = 0;
-    for (size_t e = 0; e < cells->edge_count; e++) report->trace.edges += bw_cells_edge_is_leaf(cells, (bw_cedge)e);
+    for (size_t e = 0; e < cells->edge_count; e++)
+        report->trace.edges += bw_cells_edge_is_leaf(cells, (bw_cedge)e);
     for (size_t p = 0; p < cells->polygon_count; p++) {
         if (!bw_cells_polygon_is_leaf(cells, (bw_polygon)p)) continue;
         int flags = cells->polygon[p].flags;

@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- the table: every field of a section, once ------------------------------------------------------------------- */
+/* ---- the table: every field of a section, once
+ * ------------------------------------------------------------------- */
 
 typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE } field_type;
 
@@ -16,8 +17,8 @@ typedef struct {
     size_t at, size;
 } field;
 
-#define MEMBER(section, group, type, path, name)                                                                      \
-    {section, group, #name, type, offsetof(bw_report, path name), sizeof(((bw_report *)0)->path name)}
+#define MEMBER(section, group, type, path, name)                                                             \
+    { section, group, #name, type, offsetof(bw_report, path name), sizeof(((bw_report *)0)->path name) }
 #define INPUT(type, name) MEMBER("input", NULL, type, input., name)
 #define SANITIZE(type, name) MEMBER("sanitize", NULL, type, sanitize., name)
 #define TRACE(type, name) MEMBER("trace", NULL, type, trace., name)
@@ -92,9 +93,12 @@ static const struct {
 
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };
 
-/* ---- filling ----------------------------------------------------------------------------------------------------- */
+/* ---- filling
+ * ----------------------------------------------------------------------------------------------------- */
 
-void bw_report_init(bw_report *report) { memset(report, 0, sizeof *report); }
+void bw_report_init(bw_report *report) {
+    memset(report, 0, sizeof *report);
+}
 
 void bw_report_add_stage(bw_report *report, const char *name, double seconds, uint64_t peak_bytes) {
     if (report->stage_count == BW_REPORT_STAGES) return;
@@ -113,7 +117,8 @@ void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes) {
     report->result[at].bytes = bytes;
 }
 
-/* ---- to JSON ----------------------------------------------------------------------------------------------------- */
+/* ---- to JSON
+ * ----------------------------------------------------------------------------------------------------- */
 
 static json_t *range_to_json(const bw_report_range *range) {
     return json_pack("{s:f, s:f, s:f}", "min", range->min, "median", range->median, "max", range->max);
@@ -122,12 +127,18 @@ static json_t *range_to_json(const bw_report_range *range) {
 static json_t *field_to_json(const field *f, const bw_report *report) {
     const void *at = (const char *)report + f->at;
     switch (f->type) {
-    case FLAG: return json_boolean(*(const bool *)at);
-    case COUNT: return json_integer((json_int_t)*(const uint64_t *)at);
-    case INTEGER: return json_integer(*(const int64_t *)at);
-    case NUMBER: return json_real(*(const double *)at);
-    case RANGE: return range_to_json(at);
-    case TEXT: break;
+    case FLAG:
+        return json_boolean(*(const bool *)at);
+    case COUNT:
+        return json_integer((json_int_t) * (const uint64_t *)at);
+    case INTEGER:
+        return json_integer(*(const int64_t *)at);
+    case NUMBER:
+        return json_real(*(const double *)at);
+    case RANGE:
+        return range_to_json(at);
+    case TEXT:
+        break;
     }
     json_t *text = json_string(at);
     return text ? text : json_string(""); /* a file name that is not UTF-8 */
@@ -194,13 +205,16 @@ static json_t *results_to_json(const bw_report *report) {
 
 char *bw_report_to_json(const bw_report *report) {
     bool failed = report->error.status != BW_OK;
-    json_t *object = json_pack("{s:s, s:i, s:s, s:s}", "format", "blockwright-report", "report_version",
-                               BW_REPORT_VERSION, "version", BW_VERSION, "status", bw_status_code(report->error.status));
+    json_t *object =
+        json_pack("{s:s, s:i, s:s, s:s}", "format", "blockwright-report", "report_version", BW_REPORT_VERSION,
+                  "version", BW_VERSION, "status", bw_status_code(report->error.status));
     if (!object) return NULL;
     bool whole = !failed || !json_object_set_new(object, "error", error_to_json(&report->error));
     for (size_t i = 0; i < SECTIONS; i++)
         if (*((const bool *)report + sections[i].flag))
-            whole = !json_object_set_new(object, sections[i].name, section_to_json(sections[i].name, report)) && whole;
+            whole =
+                !json_object_set_new(object, sections[i].name, section_to_json(sections[i].name, report)) &&
+                whole;
     whole = !json_object_set_new(object, "stages", stages_to_json(report)) && whole;
     whole = !json_object_set_new(object, "results", results_to_json(report)) && whole;
     char *text = whole ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(17)) : NULL;
@@ -226,7 +240,8 @@ bw_status bw_report_write(bw_context *ctx, const bw_report *report, const char *
     return good ? BW_OK : bw_fail(ctx, BW_E_IO, "cannot write %s: %s", path, strerror(error));
 }
 
-/* ---- from JSON --------------------------------------------------------------------------------------------------- */
+/* ---- from JSON
+ * --------------------------------------------------------------------------------------------------- */
 
 static bool range_from_json(const json_t *value, bw_report_range *range) {
     const json_t *min = json_object_get(value, "min"), *median = json_object_get(value, "median");
@@ -239,12 +254,22 @@ static bool range_from_json(const json_t *value, bw_report_range *range) {
 static bool field_from_json(const field *f, const json_t *value, bw_report *report) {
     void *at = (char *)report + f->at;
     switch (f->type) {
-    case FLAG: *(bool *)at = json_is_true(value); return json_is_boolean(value);
-    case COUNT: *(uint64_t *)at = (uint64_t)json_integer_value(value); return json_is_integer(value);
-    case INTEGER: *(int64_t *)at = json_integer_value(value); return json_is_integer(value);
-    case NUMBER: *(double *)at = json_number_value(value); return json_is_number(value);
-    case RANGE: return range_from_json(value, at);
-    case TEXT: break;
+    case FLAG:
+        *(bool *)at = json_is_true(value);
+        return json_is_boolean(value);
+    case COUNT:
+        *(uint64_t *)at = (uint64_t)json_integer_value(value);
+        return json_is_integer(value);
+    case INTEGER:
+        *(int64_t *)at = json_integer_value(value);
+        return json_is_integer(value);
+    case NUMBER:
+        *(double *)at = json_number_value(value);
+        return json_is_number(value);
+    case RANGE:
+        return range_from_json(value, at);
+    case TEXT:
+        break;
     }
     if (!json_is_string(value)) return false;
     snprintf(at, f->size, "%s", json_string_value(value));
@@ -266,8 +291,8 @@ static bool error_from_json(json_t *object, bw_error *error) {
     const char *status, *message;
     json_int_t count;
     json_t *elements;
-    if (json_unpack(object, "{s:s, s:s, s:I, s:o}", "status", &status, "message", &message, "element_count", &count,
-                    "elements", &elements))
+    if (json_unpack(object, "{s:s, s:s, s:I, s:o}", "status", &status, "message", &message, "element_count",
+                    &count, "elements", &elements))
         return false;
     error->status = bw_status_from_code(status);
     snprintf(error->message, sizeof error->message, "%s", message);
@@ -284,7 +309,8 @@ static bool error_from_json(json_t *object, bw_error *error) {
         if (position && json_unpack(position, "[F, F, F]", &e->position[0], &e->position[1], &e->position[2]))
             return false;
     }
-    return json_array_size(elements) == (error->element_count < BW_ELEMENTS_KEPT ? error->element_count : BW_ELEMENTS_KEPT);
+    return json_array_size(elements) ==
+           (error->element_count < BW_ELEMENTS_KEPT ? error->element_count : BW_ELEMENTS_KEPT);
 }
 
 static bool lists_from_json(const json_t *object, bw_report *report) {
@@ -294,13 +320,14 @@ static bool lists_from_json(const json_t *object, bw_report *report) {
     double seconds;
     json_int_t bytes;
     for (size_t i = 0; i < json_array_size(stages); i++) {
-        if (json_unpack(json_array_get(stages, i), "{s:s, s:F, s:I}", "name", &name, "seconds", &seconds, "peak_bytes",
-                        &bytes))
+        if (json_unpack(json_array_get(stages, i), "{s:s, s:F, s:I}", "name", &name, "seconds", &seconds,
+                        "peak_bytes", &bytes))
             return false;
         bw_report_add_stage(report, name, seconds, (uint64_t)bytes);
     }
     for (size_t i = 0; i < json_array_size(results); i++) {
-        if (json_unpack(json_array_get(results, i), "{s:s, s:I}", "name", &name, "bytes", &bytes)) return false;
+        if (json_unpack(json_array_get(results, i), "{s:s, s:I}", "name", &name, "bytes", &bytes))
+            return false;
         bw_report_add_result(report, name, (uint64_t)bytes);
     }
     return true;

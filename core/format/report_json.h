@@ -1,7 +1,8 @@
-/* The report of a job: what every stage found, in one plain struct, and its JSON form (api/schemas/report.schema.json).
+/* The report of a job: what every stage found, in one plain struct, and its JSON form
+ * (api/schemas/report.schema.json).
  *
- * Each stage fills its own section and sets its `has_` flag; a section whose stage did not run is absent from the JSON. A
- * partial report travels from worker to worker as the same JSON text, inside the state file.
+ * Each stage fills its own section and sets its `has_` flag; a section whose stage did not run is absent from
+ * the JSON. A partial report travels from worker to worker as the same JSON text, inside the state file.
  *
  * To add a field: one member here, one line in the table of report_json.c, one property in the schema.
  * A field that changes its meaning or goes away raises BW_REPORT_VERSION.
@@ -41,9 +42,9 @@ typedef struct {
     } input;
 
     struct {
-        bool already_exact; /* nothing had to move */
-        double displacement_max;        /* parameter units, over all corners and axes */
-        double residual_seamless_max;   /* relative defect of the input, as the tolerance is */
+        bool already_exact;           /* nothing had to move */
+        double displacement_max;      /* parameter units, over all corners and axes */
+        double residual_seamless_max; /* relative defect of the input, as the tolerance is */
         double residual_alignment_max;
         uint64_t cut_facets, cut_edges, branches, nodes, cut_sheets, align_sheets;
         uint64_t system_rows, system_columns, system_rank, free_variables;
@@ -80,13 +81,16 @@ typedef struct {
 } bw_report;
 
 void bw_report_init(bw_report *report);
-/* Adds a stage or a result; what exceeds the room is dropped. Names are cut to fit. A result of the same name is replaced. */
+/* Adds a stage or a result; what exceeds the room is dropped. Names are cut to fit. A result of the same name
+ * is replaced. */
 void bw_report_add_stage(bw_report *report, const char *name, double seconds, uint64_t peak_bytes);
 void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes);
 
-/* Sections that follow from the data alone. Input: file, bytes and singular edges are left to whoever knows them. O(n). */
+/* Sections that follow from the data alone. Input: file, bytes and singular edges are left to whoever knows
+ * them. O(n). */
 void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh);
-void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh, const bw_grid_map *map); /* into input */
+void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh,
+                             const bw_grid_map *map); /* into input */
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells);
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
 
@@ -96,7 +100,8 @@ char *bw_report_to_json(const bw_report *report);
 bw_status bw_report_from_json(bw_context *ctx, const char *json, size_t length, bw_report *report);
 /* Writes the report to a file. Works with an error recorded in ctx too. BW_E_IO. */
 bw_status bw_report_write(bw_context *ctx, const bw_report *report, const char *path);
-/* An error as a JSON object {status, class, message, element_count, elements: [{kind, id, position?}]}; free() it. */
+/* An error as a JSON object {status, class, message, element_count, elements: [{kind, id, position?}]};
+ * free() it. */
 char *bw_report_error_json(const bw_error *error);
 
 #endif

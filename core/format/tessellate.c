@@ -5,13 +5,14 @@
 
 #include "format/tessellate_choose.h"
 
-#define FOR_HALVES(cells, h, p)                                                                                       \
-    for (bw_half h = (cells)->polygon[p].half, h##_end = BW_NONE; h != h##_end;                                       \
+#define FOR_HALVES(cells, h, p)                                                                              \
+    for (bw_half h = (cells)->polygon[p].half, h##_end = BW_NONE; h != h##_end;                              \
          h##_end = (cells)->polygon[p].half, h = (cells)->half[h].next)
-#define FOR_POLYGONS(cells, p, c)                                                                                     \
+#define FOR_POLYGONS(cells, p, c)                                                                            \
     for (bw_polygon p = (cells)->cell[c].first; p != BW_NONE; p = bw_cells_next_in_cell((cells), p, (c)))
 
-/* ---- sizes, straight corners ------------------------------------------------------------------------------------- */
+/* ---- sizes, straight corners
+ * ------------------------------------------------------------------------------------- */
 
 static bw_status count_sizes(bw_tessellation *t) {
     for (size_t p = 0; p < t->cells->polygon_count; p++) {
@@ -33,12 +34,13 @@ static bw_status sort_cells_by_tet(bw_context *ctx, bw_tessellation *t) {
     return BW_OK;
 }
 
-/* Two edges on the same lines of the same carrier are collinear; others may be too (a line along an axis lies in two
- * iso-planes of a facet, and only one is recorded), which the coordinates then tell. */
+/* Two edges on the same lines of the same carrier are collinear; others may be too (a line along an axis lies
+ * in two iso-planes of a facet, and only one is recorded), which the coordinates then tell. */
 static bool same_line(const bw_cell_edge *a, const bw_cell_edge *b) {
     if (a->kind != b->kind || a->carrier != b->carrier) return false;
     if (a->kind == BW_IN_EDGE) return true;
-    if (a->kind == BW_IN_FACET) return a->plane[0].axis == b->plane[0].axis && a->plane[0].value == b->plane[0].value;
+    if (a->kind == BW_IN_FACET)
+        return a->plane[0].axis == b->plane[0].axis && a->plane[0].value == b->plane[0].value;
     for (int i = 0; i < 2; i++) {
         bool swapped = a->plane[0].axis != b->plane[0].axis;
         const bw_plane *x = &a->plane[i], *y = &b->plane[swapped ? 1 - i : i];
@@ -51,7 +53,8 @@ static bw_status mark_straight(bw_context *ctx, bw_tessellation *t, bw_chart *ch
     const bw_cells *cells = t->cells;
     FOR_HALVES(cells, h, p) {
         bw_half before = cells->half[h].previous;
-        const bw_cell_edge *in = &cells->edge[cells->half[before].edge], *out = &cells->edge[cells->half[h].edge];
+        const bw_cell_edge *in = &cells->edge[cells->half[before].edge],
+                           *out = &cells->edge[cells->half[h].edge];
         int32_t slot[3];
         bw_status status = bw_chart_add(ctx, chart, cells->half[before].origin, &slot[0]);
         if (status == BW_OK) status = bw_chart_add(ctx, chart, cells->half[h].origin, &slot[1]);
@@ -76,9 +79,11 @@ static bw_status mark_all_straight(bw_context *ctx, bw_tessellation *t, bw_chart
     return BW_OK;
 }
 
-/* ---- polygons ---------------------------------------------------------------------------------------------------- */
+/* ---- polygons
+ * ---------------------------------------------------------------------------------------------------- */
 
-/* Place in the ring (n entries) of the lowest vertex whose neighbours are true corners; -1 if there is none. */
+/* Place in the ring (n entries) of the lowest vertex whose neighbours are true corners; -1 if there is none.
+ */
 static int ring_fan(const bw_cells *cells, const bw_half *ring, const bw_half *straight, int n) {
     int best = -1;
     for (int i = 0; i < n; i++) {
@@ -106,9 +111,11 @@ static void triangles_with_ears(const bw_tessellation *t, bw_polygon polygon, bw
         straight[n] = t->straight[h];
         ring[n++] = h;
     }
-    while ((fan = ring_fan(t->cells, ring, straight, n)) < 0) n = clip_ear(t->cells, ring, straight, n, *triangle++);
+    while ((fan = ring_fan(t->cells, ring, straight, n)) < 0)
+        n = clip_ear(t->cells, ring, straight, n, *triangle++);
     for (int i = 1; i + 1 < n; i++, triangle++)
-        for (int k = 0; k < 3; k++) (*triangle)[k] = t->cells->half[ring[(fan + (k ? i + k - 1 : 0)) % n]].origin;
+        for (int k = 0; k < 3; k++)
+            (*triangle)[k] = t->cells->half[ring[(fan + (k ? i + k - 1 : 0)) % n]].origin;
 }
 
 void bw_tessellation_triangles(const bw_tessellation *t, bw_polygon polygon, bw_cvertex (*triangle)[3]) {
@@ -125,7 +132,8 @@ void bw_tessellation_triangles(const bw_tessellation *t, bw_polygon polygon, bw_
     }
 }
 
-/* ---- cells ------------------------------------------------------------------------------------------------------- */
+/* ---- cells
+ * ------------------------------------------------------------------------------------------------------- */
 
 /* Lists all vertices of a cell in the open chart. */
 static bw_status list_vertices(bw_context *ctx, const bw_tessellation *t, bw_chart *chart, bw_cell cell) {
@@ -138,8 +146,8 @@ static bw_status list_vertices(bw_context *ctx, const bw_tessellation *t, bw_cha
     return BW_OK;
 }
 
-/* bw_tessellation_side, the cell's vertices being listed: the sign of the tet with the cell's vertex that is farthest from the
- * plane. A polygon's two cells are on opposite sides, so one answer serves both. */
+/* bw_tessellation_side, the cell's vertices being listed: the sign of the tet with the cell's vertex that is
+ * farthest from the plane. A polygon's two cells are on opposite sides, so one answer serves both. */
 static int side_of_cell(bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_polygon polygon) {
     const bw_cell_half *half = t->cells->half;
     int turn = t->cells->polygon[polygon].cell[0] == cell ? 1 : -1;
@@ -164,8 +172,8 @@ static int side_of_cell(bw_tessellation *t, const bw_chart *chart, bw_cell cell,
     return sign;
 }
 
-bw_status bw_tessellation_side(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_polygon polygon, int slot,
-                               int *side) {
+bw_status bw_tessellation_side(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_polygon polygon,
+                               int slot, int *side) {
     bw_cell cell = t->cells->polygon[polygon].cell[slot];
     bw_status status = BW_OK;
     if (!t->side[polygon]) {
@@ -215,13 +223,15 @@ static bw_status spanning_mean(bw_context *ctx, const bw_chart *chart, bw_added_
         }
     }
     for (int i = 0; i < 4; i++) point->mean[i] = chart->point[slot[i]];
-    if (bw_chart_sign(chart, slot) == 0) return bw_fail(ctx, BW_E_CHECK, "a cell in tet %d is flat", (int)chart->tet);
+    if (bw_chart_sign(chart, slot) == 0)
+        return bw_fail(ctx, BW_E_CHECK, "a cell in tet %d is flat", (int)chart->tet);
     return BW_OK;
 }
 
-/* Adds a point strictly inside a cell: the coarsest grid point near the mean of its vertices that is proven inside, for
- * that one is written with the fewest digits; else the exact mean of four vertices. */
-static bw_status add_inside(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_cell cell, bw_cell_tets *scratch) {
+/* Adds a point strictly inside a cell: the coarsest grid point near the mean of its vertices that is proven
+ * inside, for that one is written with the fewest digits; else the exact mean of four vertices. */
+static bw_status add_inside(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_cell cell,
+                            bw_cell_tets *scratch) {
     bw_status status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
     if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
     if (status == BW_OK) status = triangles_room(ctx, t, scratch);
@@ -239,8 +249,10 @@ static bw_status add_inside(bw_context *ctx, bw_tessellation *t, bw_chart *chart
     if (status != BW_OK) return status;
     bw_added_point *added = &t->points.added[t->points.added_count - 1];
     for (int bits = extent > 1 ? ilogb(extent) : 0; status == BW_OK && bits >= 0; bits -= 2) {
-        for (int k = 0; k < 3; k++) /* a multiple of 2^bits in the chart itself, so that trailing zeros cancel */
-            added->value[k] = (int64_t)rint(ldexp(mean[k] + (double)chart->origin[k], -bits)) * ((int64_t)1 << bits);
+        for (int k = 0; k < 3;
+             k++) /* a multiple of 2^bits in the chart itself, so that trailing zeros cancel */
+            added->value[k] =
+                (int64_t)rint(ldexp(mean[k] + (double)chart->origin[k], -bits)) * ((int64_t)1 << bits);
         chart->count = vertices;
         status = bw_chart_add(ctx, chart, t->apex[cell], &slot);
         if (status == BW_OK && is_inside(t, chart, cell, t->apex[cell], scratch->triangle)) return BW_OK;
@@ -263,8 +275,7 @@ static bw_status add_all_inside(bw_context *ctx, bw_tessellation *t, bw_chart *c
 
 uint64_t bw_tessellation_count(const bw_tessellation *t) {
     uint64_t count = 0;
-    for (size_t c = 0; c < t->cells->cell_count; c++)
-        FOR_POLYGONS(t->cells, p, (bw_cell)c) {
+    for (size_t c = 0; c < t->cells->cell_count; c++) FOR_POLYGONS(t->cells, p, (bw_cell)c) {
             bool coned = true;
             FOR_HALVES(t->cells, h, p) coned = coned && t->cells->half[h].origin != t->apex[c];
             if (coned) count += (uint64_t)t->size[p] - 2;
@@ -287,7 +298,8 @@ bw_status bw_tessellation_cell(bw_context *ctx, bw_tessellation *t, bw_chart *ch
     FOR_POLYGONS(t->cells, p, cell) {
         size_t triangles = (size_t)t->size[p] - 2;
         bw_tessellation_triangles(t, p, out->triangle);
-        if (t->cells->polygon[p].flags & BW_WALL) side_of_cell(t, chart, cell, p); /* while it is cheap: the view asks */
+        if (t->cells->polygon[p].flags & BW_WALL)
+            side_of_cell(t, chart, cell, p);                         /* while it is cheap: the view asks */
         if (triangle_has(out->triangle[0], t->apex[cell])) continue; /* then all of them do */
         status = bw_reserve(ctx, &out->tet, &out->room, out->count + triangles);
         if (status != BW_OK) return status;
@@ -310,7 +322,8 @@ void bw_cell_tets_clear(bw_context *ctx, bw_cell_tets *tets) {
     *tets = (bw_cell_tets){0};
 }
 
-/* ---- everything -------------------------------------------------------------------------------------------------- */
+/* ---- everything
+ * -------------------------------------------------------------------------------------------------- */
 
 bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, const bw_cells *cells) {
     *out = (bw_tessellation){.cells = cells};

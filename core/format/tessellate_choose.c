@@ -1,10 +1,11 @@
 /* Choice of fans and apexes: combinatorial, given which polygon corners are straight.
  *
- * A vertex of a cell is a candidate if every supporting plane through it is tiled by polygons that all have it (else the
- * cone over the others would be flat) and if each of these polygons, where it has more than three vertices, can be
- * fanned from it. Two cells that share a polygon may want different fans, so the choice is greedy: cells with few candidates
- * first, each taking the candidate that leaves the fewest tets. A cell whose candidates were all ruled out then
- * tries to win one back by moving the apex of one neighbour. What is left is coned from inside.
+ * A vertex of a cell is a candidate if every supporting plane through it is tiled by polygons that all have
+ * it (else the cone over the others would be flat) and if each of these polygons, where it has more than
+ * three vertices, can be fanned from it. Two cells that share a polygon may want different fans, so the
+ * choice is greedy: cells with few candidates first, each taking the candidate that leaves the fewest tets. A
+ * cell whose candidates were all ruled out then tries to win one back by moving the apex of one neighbour.
+ * What is left is coned from inside.
  */
 #include "format/tessellate_choose.h"
 
@@ -16,9 +17,9 @@ typedef struct {
     size_t polygons, vertices, uses;
     struct view_polygon {
         bw_polygon polygon;
-        int32_t plane;      /* local number of its supporting plane */
+        int32_t plane;     /* local number of its supporting plane */
         size_t begin, end; /* its vertices in `use` */
-    } *polygon;
+    } * polygon;
     bw_cvertex *vertex;
     int32_t *use;      /* local vertex numbers, polygon by polygon */
     bw_half *use_half; /* the half-edge that starts there */
@@ -35,7 +36,7 @@ typedef struct {
     bw_context *ctx;
     bw_tessellation *t;
     const bw_cells *cells;
-    view near, far; /* the cell at hand, and a neighbour */
+    view near, far;      /* the cell at hand, and a neighbour */
     int32_t *candidates; /* [cell] */
 } chooser;
 
@@ -52,7 +53,8 @@ static bool same_plane(const bw_cell_polygon *a, const bw_cell_polygon *b) {
 
 static int32_t plane_number(const bw_cells *cells, view *w, bw_polygon p) {
     for (size_t i = 0; i < w->polygons; i++)
-        if (same_plane(&cells->polygon[w->polygon[i].polygon], &cells->polygon[p])) return w->polygon[i].plane;
+        if (same_plane(&cells->polygon[w->polygon[i].polygon], &cells->polygon[p]))
+            return w->polygon[i].plane;
     return w->planes++;
 }
 
@@ -152,7 +154,8 @@ static int32_t best_candidate(const view *w) {
     int32_t best = -1;
     for (size_t v = 0; v < w->vertices; v++) {
         if (w->bad[v]) continue;
-        if (best < 0 || w->saved[v] > w->saved[best] || (w->saved[v] == w->saved[best] && w->vertex[v] < w->vertex[best]))
+        if (best < 0 || w->saved[v] > w->saved[best] ||
+            (w->saved[v] == w->saved[best] && w->vertex[v] < w->vertex[best]))
             best = (int32_t)v;
     }
     return best;
@@ -182,7 +185,8 @@ static bool has_vertex(const chooser *c, bw_polygon p, bw_cvertex v) {
 static void give_back(const chooser *c, bw_cell cell) {
     bw_cvertex apex = c->t->apex[cell];
     c->t->apex[cell] = BW_NONE;
-    for (bw_polygon p = c->cells->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c->cells, p, cell)) {
+    for (bw_polygon p = c->cells->cell[cell].first; p != BW_NONE;
+         p = bw_cells_next_in_cell(c->cells, p, cell)) {
         if (c->t->fan[p] == BW_NONE || !has_vertex(c, p, apex)) continue;
         bw_cell other = bw_cells_across(c->cells, p, cell);
         if (other == BW_NONE || c->t->apex[other] == BW_NONE || !has_vertex(c, p, c->t->apex[other]))
@@ -201,7 +205,8 @@ static bw_status choose_free(chooser *c, bw_cell cell, bool *found) {
     return BW_OK;
 }
 
-/* Tries to free a candidate of the cell in c->near by moving the apex of the one neighbour whose fan is in its way. */
+/* Tries to free a candidate of the cell in c->near by moving the apex of the one neighbour whose fan is in
+ * its way. */
 static bw_status win_back(chooser *c, int32_t candidate, bool *found) {
     view *w = &c->near;
     bw_cell blocker = BW_NONE;
@@ -209,7 +214,8 @@ static bw_status win_back(chooser *c, int32_t candidate, bool *found) {
         for (size_t u = w->polygon[i].begin; u < w->polygon[i].end; u++) {
             if (w->use[u] != candidate || fan_is_free(c, w->polygon[i].polygon, w->use_half[u])) continue;
             bw_cell other = bw_cells_across(c->cells, w->polygon[i].polygon, w->cell);
-            if (other == BW_NONE || other == w->cell || (blocker != BW_NONE && blocker != other)) return BW_OK;
+            if (other == BW_NONE || other == w->cell || (blocker != BW_NONE && blocker != other))
+                return BW_OK;
             blocker = other;
         }
     if (blocker == BW_NONE || c->t->apex[blocker] == BW_NONE) return BW_OK;
@@ -247,7 +253,8 @@ static bw_status choose_again(chooser *c, bw_cell cell) {
     return status;
 }
 
-/* A cell of four triangles is a tet: coned from its lowest vertex it stays one, and no neighbour is constrained. */
+/* A cell of four triangles is a tet: coned from its lowest vertex it stays one, and no neighbour is
+ * constrained. */
 static bool choose_tet(const chooser *c, bw_cell cell) {
     const bw_cells *cells = c->cells;
     int polygons = 0;
@@ -297,7 +304,9 @@ static void choose_other_fans(const chooser *c) {
         if (c->t->size[p] <= 3 || c->t->fan[p] != BW_NONE) continue;
         bw_half first = c->cells->polygon[p].half, h = first, best = BW_NONE;
         do {
-            if (fan_is_good(c, h) && (best == BW_NONE || c->cells->half[h].origin < c->cells->half[best].origin)) best = h;
+            if (fan_is_good(c, h) &&
+                (best == BW_NONE || c->cells->half[h].origin < c->cells->half[best].origin))
+                best = h;
             h = c->cells->half[h].next;
         } while (h != first);
         c->t->fan[p] = best;

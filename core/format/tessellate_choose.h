@@ -4,7 +4,8 @@
 
 #include "format/tessellate.h"
 
-/* Given size[] and straight[], fills fan[] and apex[]; cells that no vertex can be the apex of keep BW_NONE. O(n). */
+/* Given size[] and straight[], fills fan[] and apex[]; cells that no vertex can be the apex of keep BW_NONE.
+ * O(n). */
 bw_status bw_tessellation_choose(bw_context *ctx, bw_tessellation *tessellation);
 
 #endif

@@ -16,13 +16,14 @@ typedef struct {
     double *cell_volume;
     bw_chart chart;
     bw_cell_tets tets;
-    char *text;            /* parameters of the chart's points, printed */
-    size_t *text_end;      /* [slot] */
+    char *text;       /* parameters of the chart's points, printed */
+    size_t *text_end; /* [slot] */
     size_t text_room, end_room, texts;
     bw_cvertex (*triangle)[3];
 } writer;
 
-/* ---- tets -------------------------------------------------------------------------------------------------------- */
+/* ---- tets
+ * -------------------------------------------------------------------------------------------------------- */
 
 static bw_status print_new_points(writer *w) {
     for (; w->texts < w->chart.count; w->texts++) {
@@ -30,7 +31,8 @@ static bw_status print_new_points(writer *w) {
         bw_status status = bw_reserve(w->ctx, &w->text, &w->text_room, begin + BW_POINT_TEXT);
         if (status == BW_OK) status = bw_reserve(w->ctx, &w->text_end, &w->end_room, w->texts + 1);
         if (status != BW_OK) return status;
-        w->text_end[w->texts] = begin + bw_points_print(&w->t->points, w->chart.point[w->texts], w->chart.tet, w->text + begin);
+        w->text_end[w->texts] =
+            begin + bw_points_print(&w->t->points, w->chart.point[w->texts], w->chart.tet, w->text + begin);
     }
     return BW_OK;
 }
@@ -39,8 +41,10 @@ static double volume_in_space(const writer *w, const bw_point tet[4]) {
     double e[3][3];
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) e[i][k] = w->position[tet[i + 1]][k] - w->position[tet[0]][k];
-    return (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
-            e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) / 6;
+    return (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) -
+            e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+            e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) /
+           6;
 }
 
 static void put_tet(writer *w, const bw_point tet[4]) {
@@ -49,7 +53,8 @@ static void put_tet(writer *w, const bw_point tet[4]) {
     const char *number[12];
     for (int i = 0; i < 12; i++) {
         int32_t s = w->chart.slot[v[i / 3]];
-        const char *before = i % 3 ? number[i - 1] + strlen(number[i - 1]) + 1 : w->text + (s ? w->text_end[s - 1] : 0);
+        const char *before =
+            i % 3 ? number[i - 1] + strlen(number[i - 1]) + 1 : w->text + (s ? w->text_end[s - 1] : 0);
         number[i] = before;
     }
     bw_hexex_write_tet_text(&w->out, v, number);
@@ -94,21 +99,25 @@ static bw_status write_tets(writer *w) {
     return status;
 }
 
-/* ---- walls ------------------------------------------------------------------------------------------------------- */
+/* ---- walls
+ * ------------------------------------------------------------------------------------------------------- */
 
 static void write_walls(writer *w) {
     for (size_t p = 0; p < w->cells->polygon_count; p++)
-        if (w->t->size[p] && (w->cells->polygon[p].flags & BW_WALL)) w->counts.walls += (uint64_t)w->t->size[p] - 2;
+        if (w->t->size[p] && (w->cells->polygon[p].flags & BW_WALL))
+            w->counts.walls += (uint64_t)w->t->size[p] - 2;
     bw_hexex_write_walls(&w->out, w->counts.walls);
     for (size_t p = 0; p < w->cells->polygon_count; p++) {
         if (!w->t->size[p] || !(w->cells->polygon[p].flags & BW_WALL)) continue;
         bw_tessellation_triangles(w->t, (bw_polygon)p, w->triangle);
         double distance = ldexp((double)w->cells->polygon[p].distance, -w->cells->map->exponent);
-        for (int32_t i = 0; i < w->t->size[p] - 2; i++) bw_hexex_write_wall(&w->out, w->triangle[i], distance);
+        for (int32_t i = 0; i < w->t->size[p] - 2; i++)
+            bw_hexex_write_wall(&w->out, w->triangle[i], distance);
     }
 }
 
-/* ---- features: counted in a first pass, written in a second ------------------------------------------------------- */
+/* ---- features: counted in a first pass, written in a second
+ * ------------------------------------------------------- */
 
 static int compare_lists(const bw_vertex *a, const bw_vertex *b, int count) {
     for (int i = 0; i < count; i++)
@@ -148,20 +157,25 @@ static uint64_t feature_facet_pieces(writer *w, bw_polygon p, bool write) {
     if (x->child[0] != BW_NONE)
         return feature_facet_pieces(w, x->child[0], write) + feature_facet_pieces(w, x->child[1], write);
     bw_tessellation_triangles(w->t, p, w->triangle);
-    for (int32_t i = 0; write && i < w->t->size[p] - 2; i++) bw_hexex_write_feature_facet(&w->out, w->triangle[i]);
+    for (int32_t i = 0; write && i < w->t->size[p] - 2; i++)
+        bw_hexex_write_feature_facet(&w->out, w->triangle[i]);
     return (uint64_t)w->t->size[p] - 2;
 }
 
-/* Edges (size 2) or facets (size 3); the complex's first edges and polygons have the numbers of the mesh's. */
+/* Edges (size 2) or facets (size 3); the complex's first edges and polygons have the numbers of the mesh's.
+ */
 static bw_status features_of(writer *w, int size, bool write, uint64_t *count) {
     const bw_tet_mesh *mesh = w->mesh;
     size_t total = size == 2 ? mesh->feature_edge_count : mesh->feature_facet_count;
     const bw_vertex *lists = size == 2 ? (const bw_vertex *)mesh->edge : (const bw_vertex *)mesh->facet;
-    const bw_vertex *features = size == 2 ? (const bw_vertex *)mesh->feature_edge : (const bw_vertex *)mesh->feature_facet;
+    const bw_vertex *features =
+        size == 2 ? (const bw_vertex *)mesh->feature_edge : (const bw_vertex *)mesh->feature_facet;
     for (size_t i = 0; i < total; i++) {
-        int32_t at = find_list(lists, size == 2 ? mesh->edge_count : mesh->facet_count, size, features + i * (size_t)size);
+        int32_t at = find_list(lists, size == 2 ? mesh->edge_count : mesh->facet_count, size,
+                               features + i * (size_t)size);
         if (at == BW_NONE)
-            return bw_fail(w->ctx, BW_E_CHECK, "feature %s %zu is none of the mesh", size == 2 ? "edge" : "facet", i);
+            return bw_fail(w->ctx, BW_E_CHECK, "feature %s %zu is none of the mesh",
+                           size == 2 ? "edge" : "facet", i);
         *count += size == 2 ? feature_edge_pieces(w, at, write) : feature_facet_pieces(w, at, write);
     }
     return BW_OK;
@@ -183,7 +197,11 @@ static bw_status write_features(writer *w) {
 
 bw_status bw_traced_write(bw_context *ctx, bw_tessellation *t, const double (*position)[3], const char *path,
                           bw_traced_counts *counts, double *cell_volume) {
-    writer w = {.ctx = ctx, .t = t, .cells = t->cells, .mesh = t->cells->mesh, .position = position,
+    writer w = {.ctx = ctx,
+                .t = t,
+                .cells = t->cells,
+                .mesh = t->cells->mesh,
+                .position = position,
                 .cell_volume = cell_volume};
     w.counts.vertices = bw_points_count(&t->points);
     bw_status status = bw_hexex_write_begin(ctx, &w.out, path, w.counts.vertices);

@@ -17,16 +17,17 @@ typedef struct {
     bw_view_lattice lattice;
     bw_draco_geometry g; /* the part being made */
     size_t position_room, id_room, point_room, face_room;
-    int32_t *entry_of;   /* [vertex] its position entry; meaningful where entry_vertex says so */
+    int32_t *entry_of; /* [vertex] its position entry; meaningful where entry_vertex says so */
     bw_cvertex *entry_vertex;
-    int32_t *point_of;   /* [position entry] its newest point */
+    int32_t *point_of; /* [position entry] its newest point */
     size_t vertex_room, of_room;
     bw_cvertex (*triangle)[3];
     bw_chart chart;
-    int outside;         /* side_outside */
+    int outside; /* side_outside */
 } maker;
 
-/* ---- the lattice ------------------------------------------------------------------------------------------------- */
+/* ---- the lattice
+ * ------------------------------------------------------------------------------------------------- */
 
 bw_view_lattice bw_view_lattice_of(const bw_tet_mesh *mesh) {
     double low[3] = {0}, high[3] = {0}, extent = 0;
@@ -40,7 +41,8 @@ bw_view_lattice bw_view_lattice_of(const bw_tet_mesh *mesh) {
         }
     for (int k = 0; k < 3; k++) extent = fmax(extent, high[k] - low[k]);
     bw_view_lattice lattice = {{low[0], low[1], low[2]}, extent / ((1 << BW_VIEW_BITS) - 1)};
-    if (!(lattice.step > 0) || !isfinite(lattice.step)) lattice.step = 1; /* a single point, or beyond doubles */
+    if (!(lattice.step > 0) || !isfinite(lattice.step))
+        lattice.step = 1; /* a single point, or beyond doubles */
     return lattice;
 }
 
@@ -52,7 +54,8 @@ void bw_view_quantize(const bw_view_lattice *lattice, const double position[3], 
     }
 }
 
-/* ---- parts ------------------------------------------------------------------------------------------------------- */
+/* ---- parts
+ * ------------------------------------------------------------------------------------------------------- */
 
 static void start_part(maker *m, int ids) {
     m->g.position_count = m->g.id_count = m->g.point_count = m->g.face_count = 0;
@@ -121,14 +124,15 @@ static bw_status make_walls(maker *m) {
         const int32_t id[BW_DRACO_IDS] = {(int32_t)patch, c->patch_block[patch][0], c->patch_block[patch][1],
                                           c->patch_flags[patch]};
         status = add_id(m, id);
-        for (size_t i = c->patch_polygon_begin[patch]; i < c->patch_polygon_begin[patch + 1] && status == BW_OK; i++)
+        for (size_t i = c->patch_polygon_begin[patch];
+             i < c->patch_polygon_begin[patch + 1] && status == BW_OK; i++)
             status = add_polygon(m, c->patch_polygon[i], false);
     }
     return status;
 }
 
-/* 1 if tets that are positive in the parametrization are so in space, else -1. A polygon whose cell is on that side of it turns
- * counterclockwise for who looks from outside the cell. */
+/* 1 if tets that are positive in the parametrization are so in space, else -1. A polygon whose cell is on
+ * that side of it turns counterclockwise for who looks from outside the cell. */
 static int side_outside(const bw_tet_mesh *mesh) {
     double volume = 0;
     for (size_t t = 0; t < mesh->tet_count; t++) {
@@ -136,7 +140,8 @@ static int side_outside(const bw_tet_mesh *mesh) {
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++)
                 e[i][k] = mesh->position[mesh->tet[t][i + 1]][k] - mesh->position[mesh->tet[t][0]][k];
-        volume += e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+        volume += e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) -
+                  e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
                   e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
     }
     return volume < 0 ? -1 : 1;
@@ -147,7 +152,8 @@ static bw_status add_skin(maker *m, bw_patch patch, int which) {
     const bw_complex *c = m->complex;
     const int32_t id[BW_DRACO_IDS] = {c->patch_block[patch][which], patch, c->patch_side[patch][which]};
     bw_status status = add_id(m, id);
-    for (size_t i = c->patch_polygon_begin[patch]; i < c->patch_polygon_begin[patch + 1] && status == BW_OK; i++) {
+    for (size_t i = c->patch_polygon_begin[patch]; i < c->patch_polygon_begin[patch + 1] && status == BW_OK;
+         i++) {
         bw_polygon p = c->patch_polygon[i];
         int side, slot = m->cells->polygon[p].cell[0] != bw_patch_cell(m->cells, c, patch, p, which);
         status = bw_tessellation_side(m->ctx, m->t, &m->chart, p, slot, &side);
@@ -161,7 +167,8 @@ static bw_status make_skins(maker *m) {
     start_part(m, 3);
     for (size_t patch = 0; patch < m->complex->patch_count; patch++)
         for (int which = 0; which < 2 && status == BW_OK; which++)
-            if (m->complex->patch_block[patch][which] != BW_NONE) status = add_skin(m, (bw_patch)patch, which);
+            if (m->complex->patch_block[patch][which] != BW_NONE)
+                status = add_skin(m, (bw_patch)patch, which);
     return status;
 }
 
@@ -184,7 +191,8 @@ static bw_status make_curves(maker *m) {
     return status;
 }
 
-/* ---- the file ---------------------------------------------------------------------------------------------------- */
+/* ---- the file
+ * ---------------------------------------------------------------------------------------------------- */
 
 static void put_little(bw_output *out, uint64_t value, int bytes) {
     uint8_t b[8];
@@ -198,8 +206,8 @@ static void put_double(bw_output *out, double value) {
     put_little(out, bits, 8);
 }
 
-static bw_status write_file(maker *m, uint8_t *const blob[PARTS], const size_t length[PARTS], const char *path,
-                            uint64_t *bytes) {
+static bw_status write_file(maker *m, uint8_t *const blob[PARTS], const size_t length[PARTS],
+                            const char *path, uint64_t *bytes) {
     static const char name[PARTS][16] = {"walls", "skins", "curves"};
     bw_output out;
     bw_output_open(m->ctx, &out, path);
@@ -239,6 +247,7 @@ bw_status bw_view_write(bw_context *ctx, bw_tessellation *t, const bw_complex *c
     for (int i = 0; i < PARTS; i++) bw_free(ctx, blob[i]);
     bw_draco_geometry_clear(ctx, &m.g);
     bw_chart_clear(ctx, &m.chart);
-    bw_free(ctx, m.entry_of), bw_free(ctx, m.entry_vertex), bw_free(ctx, m.point_of), bw_free(ctx, m.triangle);
+    bw_free(ctx, m.entry_of), bw_free(ctx, m.entry_vertex), bw_free(ctx, m.point_of),
+        bw_free(ctx, m.triangle);
     return status;
 }

@@ -11,12 +11,17 @@
  *     ...     the parts, one Draco stream each
  *
  * Parts (attribute 0: int32 position[3] on the lattice; attribute 1: int32 ids, constant over a triangle):
- *     "walls"   mesh: every patch once      ids: patch, block, block on the other side or -1, flags (BW_PATCH_*)
- *     "skins"   mesh: the sides of every block, seen from outside   ids: block, patch, side 0..5
- *     "curves"  points in order: the arcs one after another, each from its first node to its last; a line joins
- *               consecutive points of the same arc                  ids: arc, flags (BW_ARC_*), quarter turns around it
- * A triangle that has no area on the lattice is kept; one that repeats a vertex cannot occur. A change of this layout, of the
- * ids or of a flag's bit raises BW_VIEW_VERSION.
+ *
+ *     "walls"   mesh: every patch once
+ *               ids: patch, block, block on the other side or -1, flags (BW_PATCH_*)
+ *     "skins"   mesh: the sides of every block, seen from outside
+ *               ids: block, patch, side 0..5
+ *     "curves"  points in order: the arcs one after another, each from its first node to its last; a line
+ *               joins consecutive points of the same arc
+ *               ids: arc, flags (BW_ARC_*), quarter turns around it
+ *
+ * A triangle that has no area on the lattice is kept; one that repeats a vertex cannot occur. A change of
+ * this layout, of the ids or of a flag's bit raises BW_VIEW_VERSION.
  */
 #ifndef BW_FORMAT_VIEW_H
 #define BW_FORMAT_VIEW_H

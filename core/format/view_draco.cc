@@ -28,7 +28,8 @@ void set_attribute(draco::PointCloud *cloud, int unique_id, const bw_draco_geome
     draco::PointAttribute *attribute = cloud->attribute(at);
     attribute->set_unique_id(static_cast<uint32_t>(unique_id));
     for (size_t i = 0; i < entries; i++)
-        attribute->SetAttributeValue(AttributeValueIndex(static_cast<uint32_t>(i)), ids ? g->id[i] : g->position[i]);
+        attribute->SetAttributeValue(AttributeValueIndex(static_cast<uint32_t>(i)),
+                                     ids ? g->id[i] : g->position[i]);
     for (size_t i = 0; i < g->point_count; i++)
         attribute->SetPointMapEntry(PointIndex(static_cast<uint32_t>(i)),
                                     AttributeValueIndex(static_cast<uint32_t>(g->point[i][unique_id])));
@@ -77,7 +78,8 @@ bw_status take_room(bw_context *ctx, bw_draco_geometry *g) {
     return g->position && g->id && g->point && g->face ? BW_OK : ctx->error.status;
 }
 
-bw_status read_cloud(bw_context *ctx, const draco::PointCloud &cloud, const draco::Mesh *mesh, bw_draco_geometry *g) {
+bw_status read_cloud(bw_context *ctx, const draco::PointCloud &cloud, const draco::Mesh *mesh,
+                     bw_draco_geometry *g) {
     const draco::PointAttribute *position = cloud.GetAttributeByUniqueId(POSITIONS);
     const draco::PointAttribute *id = cloud.GetAttributeByUniqueId(IDS);
     if (!position || !id || position->num_components() != 3 || id->num_components() > BW_DRACO_IDS)
@@ -120,13 +122,15 @@ extern "C" void bw_draco_geometry_clear(bw_context *ctx, bw_draco_geometry *g) {
     std::memset(g, 0, sizeof *g);
 }
 
-extern "C" bw_status bw_draco_encode(bw_context *ctx, const bw_draco_geometry *g, uint8_t **bytes, size_t *length) {
+extern "C" bw_status bw_draco_encode(bw_context *ctx, const bw_draco_geometry *g, uint8_t **bytes,
+                                     size_t *length) {
     *bytes = nullptr;
     *length = 0;
     try {
         draco::EncoderBuffer out;
         const draco::Status status = encode(g, &out);
-        if (!status.ok()) return bw_fail(ctx, BW_E_ALGORITHM, "Draco cannot encode the view: %s", status.error_msg());
+        if (!status.ok())
+            return bw_fail(ctx, BW_E_ALGORITHM, "Draco cannot encode the view: %s", status.error_msg());
         *bytes = static_cast<uint8_t *>(bw_alloc(ctx, out.size(), 1));
         if (!*bytes) return ctx->error.status;
         std::memcpy(*bytes, out.data(), out.size());
@@ -141,7 +145,8 @@ extern "C" bw_status bw_draco_encode(bw_context *ctx, const bw_draco_geometry *g
     }
 }
 
-extern "C" bw_status bw_draco_decode(bw_context *ctx, const uint8_t *bytes, size_t length, bw_draco_geometry *g) {
+extern "C" bw_status bw_draco_decode(bw_context *ctx, const uint8_t *bytes, size_t length,
+                                     bw_draco_geometry *g) {
     std::memset(g, 0, sizeof *g);
     try {
         return decode(ctx, bytes, length, g);

@@ -23,16 +23,19 @@ typedef struct {
     double *cell_volume, *block_volume;
 } encoder;
 
-/* ---- files ------------------------------------------------------------------------------------------------------- */
+/* ---- files
+ * ------------------------------------------------------------------------------------------------------- */
 
 static bw_status write_traced(encoder *e, const char *path, uint64_t *bytes) {
     bw_traced_counts counts;
-    bw_status status = bw_traced_write(e->ctx, &e->tessellation, (const double(*)[3])e->position, path, &counts, e->cell_volume);
+    bw_status status = bw_traced_write(e->ctx, &e->tessellation, (const double(*)[3])e->position, path,
+                                       &counts, e->cell_volume);
     e->report->quality.traced_vertices = counts.vertices;
     e->report->quality.traced_tets = counts.tets;
     e->report->quality.traced_walls = counts.walls;
     *bytes = counts.bytes;
-    for (size_t c = 0; c < e->cells->cell_count; c++) e->block_volume[e->complex->cell_block[c]] += e->cell_volume[c];
+    for (size_t c = 0; c < e->cells->cell_count; c++)
+        e->block_volume[e->complex->cell_block[c]] += e->cell_volume[c];
     return status;
 }
 
@@ -46,7 +49,8 @@ static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
 }
 
 /* Writes under another name first, so that a file of that name is always whole. */
-static bw_status write_result(encoder *e, const char *name, bw_status (*write)(encoder *, const char *, uint64_t *)) {
+static bw_status write_result(encoder *e, const char *name,
+                              bw_status (*write)(encoder *, const char *, uint64_t *)) {
     size_t room = strlen(e->folder) + strlen(name) + sizeof "/.part";
     char *path = bw_alloc(e->ctx, 2 * room, 1), *draft = path + room;
     if (!path) return e->ctx->error.status;
@@ -67,7 +71,8 @@ static bw_status write_result(encoder *e, const char *name, bw_status (*write)(e
     return status;
 }
 
-/* ---- quality ----------------------------------------------------------------------------------------------------- */
+/* ---- quality
+ * ----------------------------------------------------------------------------------------------------- */
 
 static int ascending(const void *a, const void *b) {
     double x = *(const double *)a, y = *(const double *)b;
@@ -103,7 +108,8 @@ static bw_status measure_blocks(encoder *e) {
     return BW_OK;
 }
 
-/* ---- the stage --------------------------------------------------------------------------------------------------- */
+/* ---- the stage
+ * --------------------------------------------------------------------------------------------------- */
 
 static bw_status prepare(encoder *e) {
     if (mkdir(e->folder, 0777) && errno != EEXIST)

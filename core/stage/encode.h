@@ -1,8 +1,8 @@
 /* Stage encode: writes what a job gives back.
  *
- *     traced.hexex   the cell complex as a tet mesh with exact parameters, and its walls      (format/traced.h)
- *     blocks.json    nodes, arcs, patches, blocks                                            (format/blocks_json.h)
- *     view.drc       walls, skins and curves for a viewer                                    (format/view.h)
+ *     traced.hexex   the cell complex as a tet mesh with exact parameters, and its walls   (format/traced.h)
+ *     blocks.json    nodes, arcs, patches, blocks                                          (format/blocks_json.h)
+ *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
  * report.json is the pipeline's to write, when the stage's own time is known.
  */
@@ -12,9 +12,10 @@
 #include "complex/complex.h"
 #include "format/report_json.h"
 
-/* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality and results of the
- * report; its complex.kind says which complex this is. cells was made from mesh and map. Each file appears whole or not at
- * all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY, BW_E_CHECK, BW_E_CANCELLED. */
+/* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality
+ * and results of the report; its complex.kind says which complex this is. cells was made from mesh and map.
+ * Each file appears whole or not at all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY,
+ * BW_E_CHECK, BW_E_CANCELLED. */
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, const bw_cells *cells,
                     const bw_complex *complex, bw_report *report, const char *out_dir);
 

@@ -22,7 +22,8 @@ typedef struct {
     const char *folder;
 } encoded;
 
-static inline void encode_prepare(encoded *e, const char *name, int size, double noise, bw_complex_kind kind) {
+static inline void encode_prepare(encoded *e, const char *name, int size, double noise,
+                                  bw_complex_kind kind) {
     memset(e, 0, sizeof *e);
     bw_context_init(&e->ctx);
     bw_model_options options;
@@ -41,7 +42,8 @@ static inline void encode_prepare(encoded *e, const char *name, int size, double
 }
 
 static inline void encode_run(encoded *e) {
-    kit_expect_ok(&e->ctx, bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, &e->report, e->folder));
+    kit_expect_ok(&e->ctx,
+                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, &e->report, e->folder));
 }
 
 static inline char *encode_read(const encoded *e, const char *file, size_t *size) {

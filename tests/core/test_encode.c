@@ -1,4 +1,5 @@
-/* Encoding a job: every sample model, both complexes; same bytes again; failures leave nothing half written. */
+/* Encoding a job: every sample model, both complexes; same bytes again; failures leave nothing half written.
+ */
 #include "core/encode_kit.h"
 
 #include <sys/stat.h>
@@ -8,8 +9,9 @@
 static const struct {
     const char *name;
     int size;
-} samples[] = {{"cuboid", 2},       {"l-shape", 2},    {"plus", 2},         {"cylinder", 2}, {"ball", 2},    {"torus", 2},
-               {"torus-quarter", 2}, {"torus-half", 2}, {"hollow-torus", 1}, {"tee", 1},      {"bearing", 1}};
+} samples[] = {{"cuboid", 2},       {"l-shape", 2}, {"plus", 2},          {"cylinder", 2},
+               {"ball", 2},         {"torus", 2},   {"torus-quarter", 2}, {"torus-half", 2},
+               {"hollow-torus", 1}, {"tee", 1},     {"bearing", 1}};
 enum { SAMPLES = sizeof samples / sizeof *samples };
 static const char *const files[] = {"traced.hexex", "blocks.json", "view.drc"};
 
@@ -17,7 +19,7 @@ static void check_traced(const encoded *e, const char *what) {
     traced_verdict v;
     size_t size;
     char *text = encode_read(e, "traced.hexex", &size);
-    assert_true(traced_check(text, true, &v));
+    if (!traced_check(text, true, &v)) fail_msg("traced.hexex of %s cannot be read", what);
     free(text);
     if (traced_faults(&v)) traced_print(what, &v);
     assert_int_equal(traced_faults(&v), 0);
@@ -38,8 +40,11 @@ static void check_report(const encoded *e) {
         assert_int_equal(size, e->report.result[i].bytes);
         assert_false(kit_exists(kit_temp_path("%s/%s.part", strrchr(e->folder, '/') + 1, files[i])));
     }
-    const bw_report_range *range[] = {&e->report.quality.block_extent, &e->report.quality.block_aspect, &e->report.quality.block_volume};
-    for (int i = 0; i < 3; i++) assert_true(0 < range[i]->min && range[i]->min <= range[i]->median && range[i]->median <= range[i]->max);
+    const bw_report_range *range[] = {&e->report.quality.block_extent, &e->report.quality.block_aspect,
+                                      &e->report.quality.block_volume};
+    for (int i = 0; i < 3; i++)
+        assert_true(0 < range[i]->min && range[i]->min <= range[i]->median &&
+                    range[i]->median <= range[i]->max);
     assert_true(e->report.quality.block_aspect.min >= 1);
 }
 
@@ -87,7 +92,8 @@ static void a_folder_that_cannot_be_made_is_an_io_error(void **state) {
     encoded e;
     encode_prepare(&e, "cuboid", 1, 0.5, BW_COMPLEX_MC);
     e.folder = kit_temp_path("missing/folder");
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder), BW_E_IO);
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder),
+                      BW_E_IO);
     assert_int_equal(e.report.result_count, 0);
     encode_clear(&e);
 }
@@ -99,7 +105,8 @@ static void a_result_that_cannot_be_put_in_place_leaves_no_draft(void **state) {
     e.folder = kit_temp_path("blocked");
     assert_int_equal(mkdir(e.folder, 0777), 0);
     assert_int_equal(mkdir(kit_temp_path("blocked/blocks.json"), 0777), 0); /* a folder in the file's place */
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder), BW_E_IO);
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder),
+                      BW_E_IO);
     assert_true(kit_exists(kit_temp_path("blocked/traced.hexex")));
     assert_false(kit_exists(kit_temp_path("blocked/blocks.json.part")));
     encode_clear(&e);
@@ -119,7 +126,8 @@ static void a_cancelled_job_stops_after_the_file_it_is_at(void **state) {
     stop_now = 0;
     e.ctx.cancel = &stop_now;
     e.ctx.log = stop;
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder), BW_E_CANCELLED);
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, &e.report, e.folder),
+                      BW_E_CANCELLED);
     assert_int_equal(e.report.result_count, 1);
     assert_false(kit_exists(kit_temp_path("cancelled/view.drc")));
     encode_clear(&e);

@@ -9,8 +9,10 @@
 static const struct {
     const char *name;
     bw_complex_kind kind;
-} samples[] = {{"l-shape", BW_COMPLEX_MC},       {"plus", BW_COMPLEX_MC},       {"cylinder", BW_COMPLEX_BC},     {"ball", BW_COMPLEX_MC},
-               {"torus-quarter", BW_COMPLEX_MC}, {"torus-half", BW_COMPLEX_BC}, {"hollow-torus", BW_COMPLEX_MC}, {"tee", BW_COMPLEX_MC}};
+} samples[] = {{"l-shape", BW_COMPLEX_MC},       {"plus", BW_COMPLEX_MC},
+               {"cylinder", BW_COMPLEX_BC},      {"ball", BW_COMPLEX_MC},
+               {"torus-quarter", BW_COMPLEX_MC}, {"torus-half", BW_COMPLEX_BC},
+               {"hollow-torus", BW_COMPLEX_MC},  {"tee", BW_COMPLEX_MC}};
 
 static json_t *file; /* the file at hand */
 
@@ -19,7 +21,9 @@ static json_t *item(const char *list, json_int_t i) {
     if (!x) fail_msg("there is no %s %lld", list, (long long)i);
     return x;
 }
-static size_t count(const char *list) { return json_array_size(json_object_get(file, list)); }
+static size_t count(const char *list) {
+    return json_array_size(json_object_get(file, list));
+}
 static json_int_t number(const json_t *object, const char *key, size_t i) {
     const json_t *list = json_object_get(object, key);
     assert_true(i < json_array_size(list));
@@ -44,19 +48,23 @@ static json_int_t walk(const json_t *chain, json_int_t from, json_int_t to) {
 static void check_patch(json_int_t p) {
     json_t *patch = item("patches", p), *chains = json_object_get(patch, "chains");
     for (size_t i = 0; i < 4; i++)
-        assert_int_equal(walk(json_array_get(chains, i), number(patch, "corners", i), number(patch, "corners", (i + 1) % 4)),
+        assert_int_equal(walk(json_array_get(chains, i), number(patch, "corners", i),
+                              number(patch, "corners", (i + 1) % 4)),
                          number(patch, "extent_grid", i % 2));
     size_t sides = json_array_size(json_object_get(patch, "blocks"));
     assert_int_equal(sides, json_is_true(json_object_get(patch, "boundary")) ? 1 : 2);
     for (size_t i = 0; i < sides; i++) { /* the block lists it on that side */
-        json_t *list = json_array_get(json_object_get(item("blocks", number(patch, "blocks", i)), "sides"), (size_t)number(patch, "sides", i));
+        json_t *list = json_array_get(json_object_get(item("blocks", number(patch, "blocks", i)), "sides"),
+                                      (size_t)number(patch, "sides", i));
         size_t found = 0;
-        for (size_t k = 0; k < json_array_size(list); k++) found += json_integer_value(json_array_get(list, k)) == p;
+        for (size_t k = 0; k < json_array_size(list); k++)
+            found += json_integer_value(json_array_get(list, k)) == p;
         assert_true(found);
     }
 }
 
-/* The transition carries the side of the first block, seen from inside, to the side of the second, seen from outside. */
+/* The transition carries the side of the first block, seen from inside, to the side of the second, seen from
+ * outside. */
 static void check_transition(json_int_t p) {
     json_t *patch = item("patches", p), *t = json_object_get(patch, "transition");
     assert_int_equal(json_is_null(t), json_is_true(json_object_get(patch, "boundary")));
@@ -73,7 +81,9 @@ static void check_transition(json_int_t p) {
     assert_int_equal(even * sign[0] * sign[1] * sign[2], 1);
     json_int_t side[2] = {number(patch, "sides", 0), number(patch, "sides", 1)}, value[2];
     for (int i = 0; i < 2; i++)
-        value[i] = side[i] & 1 ? number(item("blocks", number(patch, "blocks", (size_t)i)), "extent_grid", (size_t)side[i] / 2) : 0;
+        value[i] = side[i] & 1 ? number(item("blocks", number(patch, "blocks", (size_t)i)), "extent_grid",
+                                        (size_t)side[i] / 2)
+                               : 0;
     size_t to = (size_t)side[1] / 2;
     assert_int_equal(axis[to], side[0] / 2);
     assert_int_equal(sign[to] * value[0] + number(t, "shift_grid", to), value[1]);
@@ -82,7 +92,8 @@ static void check_transition(json_int_t p) {
 }
 
 static void check_block(json_int_t b) {
-    json_t *block = item("blocks", b), *edges = json_object_get(block, "edges"), *sides = json_object_get(block, "sides");
+    json_t *block = item("blocks", b), *edges = json_object_get(block, "edges"),
+           *sides = json_object_get(block, "sides");
     for (int e = 0; e < 12; e++) {
         int axis = e / 4, low = (e & 1) << (axis + 1) % 3 | (e >> 1 & 1) << (axis + 2) % 3;
         assert_int_equal(walk(json_array_get(edges, (size_t)e), number(block, "corners", (size_t)low),
@@ -97,10 +108,12 @@ static void check_block(json_int_t b) {
             area += (__int128)number(patch, "extent_grid", 0) * number(patch, "extent_grid", 1);
             bool back = false;
             for (size_t k = 0; k < json_array_size(json_object_get(patch, "blocks")); k++)
-                back = back || (number(patch, "blocks", k) == b && number(patch, "sides", k) == (json_int_t)s);
+                back =
+                    back || (number(patch, "blocks", k) == b && number(patch, "sides", k) == (json_int_t)s);
             assert_true(back);
         }
-        assert_true(area == (__int128)number(block, "extent_grid", (s / 2 + 1) % 3) * number(block, "extent_grid", (s / 2 + 2) % 3));
+        assert_true(area == (__int128)number(block, "extent_grid", (s / 2 + 1) % 3) *
+                                number(block, "extent_grid", (s / 2 + 2) % 3));
     }
 }
 
@@ -109,8 +122,10 @@ static void check_doubles(void) {
     for (size_t i = 0; i < count("arcs"); i++) {
         const json_t *arc = item("arcs", (json_int_t)i);
         double length = json_real_value(json_object_get(arc, "length"));
-        if (json_is_integer(json_object_get(arc, "length"))) length = json_number_value(json_object_get(arc, "length"));
-        assert_true(length == ldexp((double)json_integer_value(json_object_get(arc, "length_grid")), -exponent));
+        if (json_is_integer(json_object_get(arc, "length")))
+            length = json_number_value(json_object_get(arc, "length"));
+        assert_true(length ==
+                    ldexp((double)json_integer_value(json_object_get(arc, "length_grid")), -exponent));
     }
 }
 
@@ -123,7 +138,8 @@ static void check_nodes(const encoded *e) {
     for (size_t i = 0; i < count("nodes"); i++) {
         const json_t *node = item("nodes", (json_int_t)i);
         json_int_t v = json_integer_value(json_object_get(node, "vertex"));
-        for (size_t k = 0; k < 3; k++) assert_true(json_number_value(json_array_get(json_object_get(node, "position"), k)) == x[v][k]);
+        for (size_t k = 0; k < 3; k++)
+            assert_true(json_number_value(json_array_get(json_object_get(node, "position"), k)) == x[v][k]);
     }
     free(x), free(text);
 }
@@ -141,7 +157,8 @@ static void patches_and_blocks_are_rectangles_and_cuboids_that_fit(void **state)
         assert_int_equal(count("arcs"), e.complex.arc_count);
         assert_int_equal(count("patches"), e.complex.patch_count);
         assert_int_equal(count("blocks"), e.complex.block_count);
-        for (size_t p = 0; p < count("patches"); p++) check_patch((json_int_t)p), check_transition((json_int_t)p);
+        for (size_t p = 0; p < count("patches"); p++)
+            check_patch((json_int_t)p), check_transition((json_int_t)p);
         for (size_t b = 0; b < count("blocks"); b++) check_block((json_int_t)b);
         check_doubles();
         check_nodes(&e);
@@ -159,7 +176,8 @@ static void lengths_beyond_doubles_are_written_as_text(void **state) {
     double(*position)[3] = calloc(e.cells.vertex_count, sizeof *position), volume[1] = {1};
     uint64_t bytes;
     const char *path = kit_temp_path("long.json");
-    kit_expect_ok(&e.ctx, bw_blocks_write(&e.ctx, &e.cells, &e.complex, "mc", volume, (const double(*)[3])position, path, &bytes));
+    kit_expect_ok(&e.ctx, bw_blocks_write(&e.ctx, &e.cells, &e.complex, "mc", volume,
+                                          (const double(*)[3])position, path, &bytes));
     size_t size;
     char *text = kit_read_file(path, &size);
     assert_int_equal(size, bytes);

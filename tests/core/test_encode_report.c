@@ -101,7 +101,8 @@ static void text_that_is_no_report_is_refused(void **state) {
         if (damage == 2) memcpy(strstr(text, "blockwright-report"), "blockwright-rapport", 18);
         if (damage == 3) at = strstr(text, "\"report_version\": 1") + 18, *at = '9';
         if (damage == 4) at = strstr(text, "\"cells\""), at[1] = 'b'; /* a member that is missing */
-        if (damage == 5) at = strstr(text, "\"torus_splits\": ") + 16, memcpy(at, "[]", 2); /* one of another type */
+        if (damage == 5)
+            at = strstr(text, "\"torus_splits\": ") + 16, memcpy(at, "[]", 2); /* one of another type */
         bw_context ctx;
         bw_context_init(&ctx);
         bw_report back;
@@ -116,7 +117,8 @@ static void what_has_no_room_is_dropped_and_names_are_cut(void **state) {
     (void)state;
     bw_report report;
     bw_report_init(&report);
-    for (int i = 0; i < 2 * BW_REPORT_STAGES; i++) bw_report_add_stage(&report, "a stage with a very long name indeed", i, 0);
+    for (int i = 0; i < 2 * BW_REPORT_STAGES; i++)
+        bw_report_add_stage(&report, "a stage with a very long name indeed", i, 0);
     assert_int_equal(report.stage_count, BW_REPORT_STAGES);
     for (int i = 0; i < 2 * BW_REPORT_RESULTS; i++) {
         char name[20];

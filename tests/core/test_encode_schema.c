@@ -1,13 +1,13 @@
-/* report.json and blocks.json keep to api/schemas. The validator below knows the words of JSON Schema that the schemas use and
- * fails on any other, so that no rule is passed over in silence. */
+/* report.json and blocks.json keep to api/schemas. The validator below knows the words of JSON Schema that
+ * the schemas use and fails on any other, so that no rule is passed over in silence. */
 #include "core/encode_kit.h"
 
 #include <jansson.h>
 #include <math.h>
 #include <regex.h>
 
-static json_t *schema;         /* the document, for $ref */
-static char fault[400];        /* first violation, with its place; empty if none */
+static json_t *schema;  /* the document, for $ref */
+static char fault[400]; /* first violation, with its place; empty if none */
 
 static bool valid(const json_t *rule, json_t *value, const char *place);
 
@@ -36,7 +36,8 @@ static bool properties_valid(const json_t *rule, json_t *value, const char *plac
         char inner[300];
         snprintf(inner, sizeof inner, "%s.%s", place, key);
         const json_t *sub = json_object_get(properties, key);
-        if (!sub && json_is_false(json_object_get(rule, "additionalProperties"))) return fail_at(inner, "not in the schema");
+        if (!sub && json_is_false(json_object_get(rule, "additionalProperties")))
+            return fail_at(inner, "not in the schema");
         if (sub && !valid(sub, member, inner)) return false;
     }
     return true;
@@ -77,7 +78,8 @@ static bool one_of(const json_t *list, json_t *value, bool equal, const char *pl
     return fail_at(place, "none of the allowed");
 }
 
-static bool word_valid(const json_t *rule, const char *word, const json_t *arg, json_t *value, const char *place) {
+static bool word_valid(const json_t *rule, const char *word, const json_t *arg, json_t *value,
+                       const char *place) {
     double number = json_number_value(value), bound = json_number_value(arg);
     size_t items = json_array_size(value);
     if (!strcmp(word, "type")) return has_type(json_string_value(arg), value) || fail_at(place, "wrong type");
@@ -92,14 +94,16 @@ static bool word_valid(const json_t *rule, const char *word, const json_t *arg, 
     if (!strcmp(word, "const")) return json_equal(arg, value) || fail_at(place, "another constant");
     if (!strcmp(word, "enum")) return one_of(arg, value, true, place);
     if (!strcmp(word, "anyOf")) return one_of(arg, value, false, place);
-    if (!strcmp(word, "pattern")) return matches(json_string_value(arg), json_string_value(value)) || fail_at(place, "pattern");
+    if (!strcmp(word, "pattern"))
+        return matches(json_string_value(arg), json_string_value(value)) || fail_at(place, "pattern");
     if (!strcmp(word, "$ref")) {
         const char *name = strrchr(json_string_value(arg), '/') + 1;
         const json_t *target = json_object_get(json_object_get(schema, "$defs"), name);
         assert_non_null(target);
         return valid(target, value, place);
     }
-    static const char *const silent[] = {"additionalProperties", "description", "title", "$schema", "$id", "$defs"};
+    static const char *const silent[] = {
+        "additionalProperties", "description", "title", "$schema", "$id", "$defs"};
     for (size_t i = 0; i < sizeof silent / sizeof *silent; i++)
         if (!strcmp(word, silent[i])) return true;
     fail_msg("schema word %s is not known to this test", word);
@@ -111,8 +115,8 @@ static bool valid(const json_t *rule, json_t *value, const char *place) {
     if (type && !word_valid(rule, "type", type, value, place)) return false;
     const char *word;
     json_t *arg;
-    json_object_foreach((json_t *)rule, word, arg)
-        if (!word_valid(rule, word, arg, value, place)) return false;
+    json_object_foreach((json_t *)rule, word,
+                        arg) if (!word_valid(rule, word, arg, value, place)) return false;
     return true;
 }
 
@@ -140,7 +144,10 @@ static json_t *encoded_json(const encoded *e, const char *file) {
 static const struct {
     const char *name;
     bw_complex_kind kind;
-} samples[] = {{"l-shape", BW_COMPLEX_MC}, {"ball", BW_COMPLEX_BC}, {"torus-quarter", BW_COMPLEX_MC}, {"tee", BW_COMPLEX_MC}};
+} samples[] = {{"l-shape", BW_COMPLEX_MC},
+               {"ball", BW_COMPLEX_BC},
+               {"torus-quarter", BW_COMPLEX_MC},
+               {"tee", BW_COMPLEX_MC}};
 
 static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
     (void)state;
@@ -151,8 +158,10 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         e.report.has_sanitize = true;
         e.report.sanitize.grid_exponent = e.map.exponent;
         bw_report_add_stage(&e.report, "encode", 0.25, 4096);
-        kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report, kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
-        static const char *const pair[][2] = {{"blocks.json", "blocks.schema.json"}, {"report.json", "report.schema.json"}};
+        kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report,
+                                              kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
+        static const char *const pair[][2] = {{"blocks.json", "blocks.schema.json"},
+                                              {"report.json", "report.schema.json"}};
         for (int f = 0; f < 2; f++) {
             json_t *value = encoded_json(&e, pair[f][0]);
             if (!keeps_to(pair[f][1], value)) fail_msg("%s of %s: %s", pair[f][0], samples[i].name, fault);
@@ -191,14 +200,16 @@ static void the_validator_notices_what_is_wrong(void **state) {
     encode_run(&e);
     for (int damage = 0; damage < 7; damage++) {
         json_t *value = encoded_json(&e, "blocks.json");
-        json_t *arc = json_array_get(json_object_get(value, "arcs"), 0), *block = json_array_get(json_object_get(value, "blocks"), 0);
+        json_t *arc = json_array_get(json_object_get(value, "arcs"), 0),
+               *block = json_array_get(json_object_get(value, "blocks"), 0);
         if (damage == 0) json_object_del(value, "grid");
         if (damage == 1) json_object_set_new(value, "extra", json_true());
         if (damage == 2) json_object_set_new(arc, "length", json_string("1"));
         if (damage == 3) json_object_set_new(arc, "length", json_integer(0));
         if (damage == 4) json_array_remove(json_object_get(block, "corners"), 0);
         if (damage == 5) json_object_set_new(arc, "length_grid", json_string("12x"));
-        if (damage == 6) json_array_set_new(json_array_get(json_object_get(block, "edges"), 3), 0, json_real(0.5));
+        if (damage == 6)
+            json_array_set_new(json_array_get(json_object_get(block, "edges"), 3), 0, json_real(0.5));
         assert_false(keeps_to("blocks.schema.json", value));
         assert_true(*fault);
         json_decref(value);

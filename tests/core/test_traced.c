@@ -26,9 +26,12 @@ static void measure(fixture *f) {
         if (m->facet_tet[i][1] == BW_NONE) f->surface += traced_area(&x, m->facet[i]);
     for (size_t t = 0; t < m->tet_count; t++) {
         double e[3][3];
-        for (int i = 0; i < 9; i++) e[i / 3][i % 3] = m->position[m->tet[t][i / 3 + 1]][i % 3] - m->position[m->tet[t][0]][i % 3];
-        f->volume += (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
-                      e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) / 6;
+        for (int i = 0; i < 9; i++)
+            e[i / 3][i % 3] = m->position[m->tet[t][i / 3 + 1]][i % 3] - m->position[m->tet[t][0]][i % 3];
+        f->volume += (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) -
+                      e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+                      e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) /
+                     6;
     }
 }
 
@@ -50,7 +53,8 @@ static void close_model(fixture *f) {
     assert_int_equal(f->ctx.memory.used, 0);
 }
 
-static bw_status write_traced(bw_context *ctx, const bw_cells *cells, const char *path, bw_traced_counts *counts, size_t *inside) {
+static bw_status write_traced(bw_context *ctx, const bw_cells *cells, const char *path,
+                              bw_traced_counts *counts, size_t *inside) {
     bw_tessellation t;
     double(*position)[3] = NULL;
     bw_status status = bw_tessellate(ctx, &t, cells);
@@ -87,13 +91,15 @@ static traced_verdict check(fixture *f, const char *what, bool with_blocks) {
     return v;
 }
 
-/* ---- cutting at random ------------------------------------------------------------------------------------------- */
+/* ---- cutting at random
+ * ------------------------------------------------------------------------------------------- */
 
 static bw_plane random_plane(const fixture *f, bw_cell cell, kit_random *random) {
     int8_t axis = (int8_t)kit_random_below(random, 3);
     int64_t low = INT64_MAX, high = INT64_MIN;
     bw_tet tet = f->cells.cell[cell].tet;
-    for (bw_polygon p = f->cells.cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(&f->cells, p, cell)) {
+    for (bw_polygon p = f->cells.cell[cell].first; p != BW_NONE;
+         p = bw_cells_next_in_cell(&f->cells, p, cell)) {
         bw_half h = f->cells.polygon[p].half;
         do {
             bool fraction;
@@ -110,7 +116,8 @@ static void cut_at_random(fixture *f, int cuts, kit_random *random) {
     for (int i = 0; i < cuts; i++) {
         bw_cell cell = (bw_cell)kit_random_below(random, f->cells.cell_count);
         bw_polygon section;
-        kit_expect_ok(&f->ctx, bw_cells_cut(&f->ctx, &f->cells, cell, random_plane(f, cell, random), &section));
+        kit_expect_ok(&f->ctx,
+                      bw_cells_cut(&f->ctx, &f->cells, cell, random_plane(f, cell, random), &section));
     }
 }
 
@@ -133,14 +140,16 @@ static void cells_that_cannot_be_coned_from_a_vertex_get_a_point_inside(void **s
     kit_random random = kit_random_start(2);
     fixture f;
     open_model(&f, "cuboid", 1, 0.6);
-    cut_at_random(&f, 900, &random); /* many walls that stop inside: vertices in the middle of faces everywhere */
+    cut_at_random(&f, 900,
+                  &random); /* many walls that stop inside: vertices in the middle of faces everywhere */
     check(&f, "cuboid", false);
     assert_true(f.inside > 0);
     assert_int_equal(f.counts.vertices, f.cells.vertex_count + f.inside);
     close_model(&f);
 }
 
-/* ---- what tracing leaves ----------------------------------------------------------------------------------------- */
+/* ---- what tracing leaves
+ * ----------------------------------------------------------------------------------------- */
 
 static void traced_samples_fill_boxes_exactly(void **state) {
     (void)state;
@@ -216,7 +225,9 @@ static void features_are_cut_where_the_mesh_is(void **state) {
     }
     for (size_t i = 0; i < m->facet_count; i++)
         if (m->facet_tet[i][1] == BW_NONE)
-            for (int k = 0; k < 3; k++) m->feature_facet[m->feature_facet_count][k] = m->facet[i][2 - k], m->feature_facet_count += k == 2;
+            for (int k = 0; k < 3; k++)
+                m->feature_facet[m->feature_facet_count][k] = m->facet[i][2 - k],
+                m->feature_facet_count += k == 2;
     kit_expect_ok(&f.ctx, bw_trace(&f.ctx, &f.cells, BW_COMPLEX_MC, UINT64_MAX));
     traced_verdict v;
     size_t size;
@@ -236,7 +247,8 @@ static void features_are_cut_where_the_mesh_is(void **state) {
     assert_true(fabs(length[1] - length[0]) < 1e-9 * length[0]);
     assert_true(fabs(area - f.surface) < 1e-9 * area);
     for (size_t i = 0; i < 12 * v.tets; i++) mpq_clear(x.u[i / 12][i / 3 % 4][i % 3]);
-    free(x.x), free(x.tet), free(x.u), free(x.wall), free(x.feature_edge), free(x.feature_facet), free(x.feature_vertex);
+    free(x.x), free(x.tet), free(x.u), free(x.wall), free(x.feature_edge), free(x.feature_facet),
+        free(x.feature_vertex);
     free(text);
     close_model(&f);
 }
@@ -247,11 +259,13 @@ static void a_feature_that_is_no_facet_of_the_mesh_is_an_error(void **state) {
     open_model(&f, "cuboid", 1, 0);
     f.mesh.feature_facet = bw_alloc(&f.ctx, 1, sizeof *f.mesh.feature_facet);
     f.mesh.feature_facet_count = 1; /* 0 0 0 */
-    kit_expect_status(&f.ctx, write_traced(&f.ctx, &f.cells, kit_temp_path("x.hexex"), &f.counts, &f.inside), BW_E_CHECK);
+    kit_expect_status(&f.ctx, write_traced(&f.ctx, &f.cells, kit_temp_path("x.hexex"), &f.counts, &f.inside),
+                      BW_E_CHECK);
     close_model(&f);
 }
 
-/* ---- the check itself, and failures ------------------------------------------------------------------------------- */
+/* ---- the check itself, and failures
+ * ------------------------------------------------------------------------------- */
 
 static void the_check_notices_every_kind_of_damage(void **state) {
     (void)state;

@@ -6,7 +6,7 @@
 #include "format/view.h"
 #include "format/view_draco.h"
 
-/* A triangle as the viewer gets it: lattice positions in order from the smallest, ids. */
+/* A triangle as the viewer gets it: lattice positions, ids. */
 typedef struct {
     int32_t at[3][3], id[BW_DRACO_IDS];
 } triangle;
@@ -16,17 +16,20 @@ typedef struct {
     bw_draco_geometry part[3];
 } view;
 
-static int compare(const void *a, const void *b) { return memcmp(a, b, sizeof(triangle)); }
+static int compare(const void *a, const void *b) {
+    return memcmp(a, b, sizeof(triangle));
+}
 
-/* Turned so that the smallest corner comes first; the sense is kept. */
+/* The smallest of the three ways to write it; the sense is kept. Corners may fall together on the lattice. */
 static triangle turned(const int32_t at[3][3], const int32_t id[BW_DRACO_IDS], int ids) {
-    triangle t = {0};
-    int first = 0;
-    for (int i = 1; i < 3; i++)
-        if (memcmp(at[i], at[first], sizeof at[i]) < 0) first = i;
-    for (int i = 0; i < 3; i++) memcpy(t.at[i], at[(first + i) % 3], sizeof t.at[i]);
-    memcpy(t.id, id, (size_t)ids * sizeof *id);
-    return t;
+    triangle best = {0};
+    for (int first = 0; first < 3; first++) {
+        triangle t = {0};
+        for (int i = 0; i < 3; i++) memcpy(t.at[i], at[(first + i) % 3], sizeof t.at[i]);
+        memcpy(t.id, id, (size_t)ids * sizeof *id);
+        if (first == 0 || compare(&t, &best) < 0) best = t;
+    }
+    return best;
 }
 
 static uint64_t little(const char *at, int bytes) {
@@ -80,7 +83,8 @@ static triangle *decoded(const bw_draco_geometry *g) {
         for (int k = 0; k < 3; k++) {
             const int32_t *point = g->point[g->face[i][k]];
             memcpy(at[k], g->position[point[0]], sizeof at[k]);
-            assert_memory_equal(g->id[point[1]], g->id[g->point[g->face[i][0]][1]], (size_t)g->ids * sizeof(int32_t));
+            assert_memory_equal(g->id[point[1]], g->id[g->point[g->face[i][0]][1]],
+                                (size_t)g->ids * sizeof(int32_t));
         }
         t[i] = turned((const int32_t(*)[3])at, g->id[g->point[g->face[i][0]][1]], g->ids);
     }
@@ -100,8 +104,10 @@ static triangle *expected(encoded *e, const bw_view_lattice *lattice, bool skins
     for (size_t patch = 0; patch < c->patch_count; patch++)
         for (int which = 0; which < (skins ? 2 : 1); which++) {
             if (c->patch_block[patch][which] == BW_NONE) continue;
-            const int32_t wall_id[4] = {(int32_t)patch, c->patch_block[patch][0], c->patch_block[patch][1], c->patch_flags[patch]};
-            const int32_t skin_id[4] = {c->patch_block[patch][which], (int32_t)patch, c->patch_side[patch][which]};
+            const int32_t wall_id[4] = {(int32_t)patch, c->patch_block[patch][0], c->patch_block[patch][1],
+                                        c->patch_flags[patch]};
+            const int32_t skin_id[4] = {c->patch_block[patch][which], (int32_t)patch,
+                                        c->patch_side[patch][which]};
             for (size_t i = c->patch_polygon_begin[patch]; i < c->patch_polygon_begin[patch + 1]; i++) {
                 bw_polygon p = c->patch_polygon[i];
                 bw_tessellation_triangles(&t, p, tri);
@@ -124,7 +130,8 @@ static triangle *expected(encoded *e, const bw_view_lattice *lattice, bool skins
                         bw_cells_position(&e->cells, tri[k][side < 0 ? 2 - j : j], x);
                         bw_view_quantize(lattice, x, at[j]);
                     }
-                    list[(*count)++] = turned((const int32_t(*)[3])at, skins ? skin_id : wall_id, skins ? 3 : 4);
+                    list[(*count)++] =
+                        turned((const int32_t(*)[3])at, skins ? skin_id : wall_id, skins ? 3 : 4);
                 }
             }
         }
@@ -201,10 +208,13 @@ static void every_skin_is_closed_and_seen_from_outside(void **state) {
         const bw_draco_geometry *g = &v.part[1];
         for (size_t i = 0; i < g->face_count; i++) {
             double x[3][3];
-            for (int k = 0; k < 9; k++) x[k / 3][k % 3] = g->position[g->point[g->face[i][k / 3]][0]][k % 3] * v.lattice.step;
+            for (int k = 0; k < 9; k++)
+                x[k / 3][k % 3] = g->position[g->point[g->face[i][k / 3]][0]][k % 3] * v.lattice.step;
             volume[g->id[g->point[g->face[i][0]][1]][0]] +=
-                (x[0][0] * (x[1][1] * x[2][2] - x[1][2] * x[2][1]) - x[0][1] * (x[1][0] * x[2][2] - x[1][2] * x[2][0]) +
-                 x[0][2] * (x[1][0] * x[2][1] - x[1][1] * x[2][0])) / 6;
+                (x[0][0] * (x[1][1] * x[2][2] - x[1][2] * x[2][1]) -
+                 x[0][1] * (x[1][0] * x[2][2] - x[1][2] * x[2][0]) +
+                 x[0][2] * (x[1][0] * x[2][1] - x[1][1] * x[2][0])) /
+                6;
         }
         for (size_t b = 0; b < e.complex.block_count; b++) {
             assert_true(volume[b] >= 0.9 * e.report.quality.block_volume.min);
@@ -224,7 +234,8 @@ static void the_lattice_spans_the_box_and_keeps_points_inside_it(void **state) {
     bw_vertex tet[1][4] = {{0, 1, 2, 3}};
     bw_tet_mesh mesh = {.vertex_count = 4, .tet_count = 1, .position = position, .tet = tet};
     bw_view_lattice lattice = bw_view_lattice_of(&mesh);
-    assert_true(lattice.origin[0] == -1 && lattice.origin[1] == 5 && lattice.origin[2] == 0 && lattice.step == 4.0 / 65535);
+    assert_true(lattice.origin[0] == -1 && lattice.origin[1] == 5 && lattice.origin[2] == 0 &&
+                lattice.step == 4.0 / 65535);
     int32_t q[3];
     bw_view_quantize(&lattice, (double[3]){3, 6, -1e-12}, q);
     assert_int_equal(q[0], 65535);
@@ -251,7 +262,13 @@ static void bytes_that_are_no_stream_are_refused(void **state) {
         bw_draco_geometry g;
         uint8_t *bytes = (uint8_t *)file + at;
         if (damage == 1) bytes[0] ^= 1;
-        kit_expect_status(&ctx, bw_draco_decode(&ctx, bytes, damage == 0 ? length / 2 : damage == 1 ? length : 0, &g), BW_E_VERSION);
+        kit_expect_status(&ctx,
+                          bw_draco_decode(&ctx, bytes,
+                                          damage == 0   ? length / 2
+                                          : damage == 1 ? length
+                                                        : 0,
+                                          &g),
+                          BW_E_VERSION);
         bw_draco_geometry_clear(&ctx, &g);
         assert_int_equal(ctx.memory.used, 0);
         if (damage == 1) bytes[0] ^= 1;

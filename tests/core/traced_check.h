@@ -1,5 +1,5 @@
-/* An independent check of a traced mesh: reads the text of the file and decides everything in rational arithmetic (GMP), with nothing
- * of the core in use.
+/* An independent check of a traced mesh: reads the text of the file and decides everything in rational
+ * arithmetic (GMP), with nothing of the core in use.
  *
  *   positive    every tet has a positive parametric volume (negative throughout, if the file is mirrored)
  *   conforming  no facet has more than two tets, no tet repeats a vertex
@@ -22,12 +22,13 @@ typedef struct {
     size_t vertices, tets, walls, feature_vertices, feature_edges, feature_facets, blocks, boundary;
     double boundary_area, volume; /* in space */
     bool mirrored;
-    size_t not_positive, not_conforming, not_seamless, stray_walls, not_aligned, open_boundary, twisted, not_cuboid, not_canonical;
+    size_t not_positive, not_conforming, not_seamless, stray_walls, not_aligned, open_boundary, twisted,
+        not_cuboid, not_canonical;
 } traced_verdict;
 
 static inline size_t traced_faults(const traced_verdict *v) {
-    return v->not_positive + v->not_conforming + v->not_seamless + v->stray_walls + v->not_aligned + v->open_boundary +
-           v->twisted + v->not_cuboid + v->not_canonical;
+    return v->not_positive + v->not_conforming + v->not_seamless + v->stray_walls + v->not_aligned +
+           v->open_boundary + v->twisted + v->not_cuboid + v->not_canonical;
 }
 
 typedef struct {
@@ -42,7 +43,7 @@ typedef struct {
     traced_facet *facet;
     int (*wall)[3];
     int (*feature_edge)[2], (*feature_facet)[3], *feature_vertex;
-    int (*across)[4];       /* [tet][corner opposite]: the tet there, if no wall is between; -1 */
+    int (*across)[4]; /* [tet][corner opposite]: the tet there, if no wall is between; -1 */
     traced_verdict *out;
 } traced_mesh;
 
@@ -127,7 +128,7 @@ static inline bool traced_parse(traced_mesh *m, char *text) {
             m->wall[i][k] = atoi(word);
         }
         traced_sort3(m->wall[i]);
-        if (!TRACED_NEXT || !(strtod(word, NULL) >= 0)) return false;
+        if (!TRACED_NEXT || !isfinite(strtod(word, NULL))) return false;
     }
     if (!TRACED_NEXT) return true;
     o->feature_vertices = strtoul(word, NULL, 10);
@@ -137,8 +138,10 @@ static inline bool traced_parse(traced_mesh *m, char *text) {
     m->feature_edge = calloc(o->feature_edges + 1, sizeof *m->feature_edge);
     m->feature_facet = calloc(o->feature_facets + 1, sizeof *m->feature_facet);
     for (size_t i = 0; i < o->feature_vertices; i++) m->feature_vertex[i] = TRACED_NEXT ? atoi(word) : -1;
-    for (size_t i = 0; i < 2 * o->feature_edges; i++) m->feature_edge[i / 2][i % 2] = TRACED_NEXT ? atoi(word) : -1;
-    for (size_t i = 0; i < 3 * o->feature_facets; i++) m->feature_facet[i / 3][i % 3] = TRACED_NEXT ? atoi(word) : -1;
+    for (size_t i = 0; i < 2 * o->feature_edges; i++)
+        m->feature_edge[i / 2][i % 2] = TRACED_NEXT ? atoi(word) : -1;
+    for (size_t i = 0; i < 3 * o->feature_facets; i++)
+        m->feature_facet[i / 3][i % 3] = TRACED_NEXT ? atoi(word) : -1;
     return word && !TRACED_NEXT;
 #undef TRACED_NEXT
 }
@@ -247,7 +250,8 @@ static inline void traced_check_facets(traced_mesh *m) {
     size_t n = 4 * o->tets, w = 0;
     qsort(m->wall, o->walls, sizeof *m->wall, traced_compare_ints);
     for (size_t i = 0, j; i < n; i = j) {
-        for (j = i; j < n && !traced_compare_ints(&m->facet[i], &m->facet[j]); j++) {}
+        for (j = i; j < n && !traced_compare_ints(&m->facet[i], &m->facet[j]); j++) {
+        }
         for (; w < o->walls && traced_compare_ints(m->wall[w], &m->facet[i]) < 0; w++) o->stray_walls++;
         bool wall = w < o->walls && !traced_compare_ints(m->wall[w], &m->facet[i]);
         w += wall;
@@ -265,8 +269,10 @@ static inline void traced_check_facets(traced_mesh *m) {
     o->stray_walls += o->walls - w; /* a wall listed twice is left over too */
 }
 
-/* Carries tet b into the chart of the root, next to tet a that is there already. False if it is there too, but elsewhere. */
-static inline bool traced_place(traced_mesh *m, size_t a, int opposite, size_t b, bool placed, mpq_t (*at)[4][3]) {
+/* Carries tet b into the chart of the root, next to tet a that is there already. False if it is there too,
+ * but elsewhere. */
+static inline bool traced_place(traced_mesh *m, size_t a, int opposite, size_t b, bool placed,
+                                mpq_t (*at)[4][3]) {
     mpq_t shift[3], w[3], *from[3], *to[3];
     for (int k = 0; k < 3; k++) mpq_inits(shift[k], w[k], NULL);
     int n = 0;
@@ -290,7 +296,8 @@ static inline bool traced_place(traced_mesh *m, size_t a, int opposite, size_t b
 }
 
 /* One block: its tets laid out from `root`. at[t]: the corners of t in the chart of the root. */
-static inline void traced_check_block(traced_mesh *m, size_t root, bool *seen, mpq_t (*at)[4][3], size_t *stack) {
+static inline void traced_check_block(traced_mesh *m, size_t root, bool *seen, mpq_t (*at)[4][3],
+                                      size_t *stack) {
     mpq_t low[3], high[3], sum, term;
     mpq_inits(sum, term, NULL);
     for (int k = 0; k < 3; k++) mpq_inits(low[k], high[k], NULL);
@@ -352,8 +359,10 @@ static inline void traced_check_volumes(traced_mesh *m) {
         double e[3][3];
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++) e[i][k] = m->x[m->tet[t][i + 1]][k] - m->x[m->tet[t][0]][k];
-        m->out->volume += (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
-                           e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) / 6;
+        m->out->volume += (e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) -
+                           e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+                           e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0])) /
+                          6;
     }
     m->out->mirrored = negative > n / 2;
     for (size_t t = 0; t < n; t++) m->out->not_positive += m->out->mirrored ? sign[t] >= 0 : sign[t] <= 0;
@@ -361,7 +370,8 @@ static inline void traced_check_volumes(traced_mesh *m) {
     free(sign);
 }
 
-/* Checks the text of a file (changed by this). False if it cannot be read at all. with_blocks: walls are complete. */
+/* Checks the text of a file (changed by this). False if it cannot be read at all. with_blocks: walls are
+ * complete. */
 static inline bool traced_check(char *text, bool with_blocks, traced_verdict *out) {
     traced_mesh m = {.out = out};
     memset(out, 0, sizeof *out);
@@ -382,10 +392,11 @@ static inline bool traced_check(char *text, bool with_blocks, traced_verdict *ou
 }
 
 static inline void traced_print(const char *what, const traced_verdict *v) {
-    printf("%s: %zu tets, %zu walls, %zu blocks; faults: positive %zu conforming %zu seamless %zu stray %zu aligned %zu boundary %zu "
+    printf("%s: %zu tets, %zu walls, %zu blocks; faults: positive %zu conforming %zu seamless %zu stray %zu "
+           "aligned %zu boundary %zu "
            "twisted %zu cuboid %zu canonical %zu\n",
-           what, v->tets, v->walls, v->blocks, v->not_positive, v->not_conforming, v->not_seamless, v->stray_walls, v->not_aligned,
-           v->open_boundary, v->twisted, v->not_cuboid, v->not_canonical);
+           what, v->tets, v->walls, v->blocks, v->not_positive, v->not_conforming, v->not_seamless,
+           v->stray_walls, v->not_aligned, v->open_boundary, v->twisted, v->not_cuboid, v->not_canonical);
 }
 
 #endif
