@@ -6,7 +6,7 @@
 #
 # A build that fails counts as one failed test. Exit code 0 only if nothing failed and something passed.
 #
-#   sh tests/run.sh                      everything (about 10 minutes on two cores)
+#   sh tests/run.sh                      everything (5 to 10 minutes on two cores)
 #   sh tests/run.sh --preset dev         one build only; may be repeated
 #   sh tests/run.sh --filter clients     only tests whose name matches the regular expression
 #   sh tests/run.sh --no-install         do not look at the installed packages
