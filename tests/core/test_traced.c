@@ -148,6 +148,44 @@ static void cells_that_cannot_be_coned_from_a_vertex_get_a_point_inside(void **s
     close_model(&f);
 }
 
+/* Every kind of point, in every tet that has it, on grids from very coarse to finer than 64 bits. */
+static void printed_parameters_are_the_exact_ones_on_any_grid(void **state) {
+    (void)state;
+    kit_random random = kit_random_start(4);
+    fixture f;
+    open_model(&f, "torus-quarter", 1, 0.6);
+    cut_at_random(&f, 300, &random);
+    bw_tessellation t;
+    kit_expect_ok(&f.ctx, bw_tessellate(&f.ctx, &t, &f.cells));
+    static const int32_t exponents[] = {-70, -3, 0, 1, 40, 63, 79, 80, 130};
+    size_t kinds[4] = {0};
+    mpq_t q[3];
+    mpq_inits(q[0], q[1], q[2], NULL);
+    for (size_t c = 0; c < f.cells.cell_count; c++)
+        for (bw_polygon p = f.cells.cell[c].first; p != BW_NONE;
+             p = bw_cells_next_in_cell(&f.cells, p, (bw_cell)c)) {
+            bw_cvertex v = f.cells.half[f.cells.polygon[p].half].origin;
+            bw_tet tet = f.cells.cell[c].tet;
+            char text[BW_POINT_TEXT], *at = text;
+            f.map.exponent = exponents[kit_random_below(&random, sizeof exponents / sizeof *exponents)];
+            size_t length = bw_points_print(&t.points, v, tet, text);
+            bw_cells_parameter(&f.cells, v, tet, q);
+            for (int k = 0; k < 3; k++, at += strlen(at) + 1) {
+                if (f.map.exponent > 0) mpq_div_2exp(q[k], q[k], (mp_bitcnt_t)f.map.exponent);
+                if (f.map.exponent < 0) mpq_mul_2exp(q[k], q[k], (mp_bitcnt_t)-f.map.exponent);
+                char *want = mpq_get_str(NULL, 10, q[k]);
+                assert_string_equal(at, want);
+                free(want);
+            }
+            assert_ptr_equal(at, text + length);
+            kinds[f.cells.vertex[v].kind]++;
+        }
+    for (int k = 0; k < 4; k++) assert_true(kinds[k] > 10);
+    mpq_clears(q[0], q[1], q[2], NULL);
+    bw_tessellation_clear(&f.ctx, &t);
+    close_model(&f);
+}
+
 /* ---- what tracing leaves
  * ----------------------------------------------------------------------------------------- */
 
@@ -333,6 +371,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_complex_cut_at_random_becomes_a_conforming_positive_tet_mesh),
         cmocka_unit_test(cells_that_cannot_be_coned_from_a_vertex_get_a_point_inside),
+        cmocka_unit_test(printed_parameters_are_the_exact_ones_on_any_grid),
         cmocka_unit_test(traced_samples_fill_boxes_exactly),
         cmocka_unit_test(a_mesh_that_was_not_cut_keeps_its_tets),
         cmocka_unit_test(a_mirrored_input_is_written_mirrored),
