@@ -22,14 +22,8 @@ typedef struct {
     const char *folder;
 } encoded;
 
-static inline void encode_prepare(encoded *e, const char *name, int size, double noise,
-                                  bw_complex_kind kind) {
-    memset(e, 0, sizeof *e);
-    bw_context_init(&e->ctx);
-    bw_model_options options;
-    bw_model_options_defaults(&options);
-    options.size = size, options.noise = noise, options.seed = kit_seed();
-    kit_expect_ok(&e->ctx, sample_map(&e->ctx, name, &options, &e->mesh, &e->map));
+/* The stages between the sanitized map, which e->mesh and e->map hold, and encode. */
+static inline void encode_trace_and_build(encoded *e, bw_complex_kind kind) {
     kit_expect_ok(&e->ctx, bw_cells_init(&e->ctx, &e->cells, &e->mesh, &e->map));
     kit_expect_ok(&e->ctx, bw_trace(&e->ctx, &e->cells, kind, UINT64_MAX));
     kit_expect_ok(&e->ctx, bw_build_complex(&e->ctx, &e->cells, UINT64_MAX, &e->complex));
@@ -38,6 +32,17 @@ static inline void encode_prepare(encoded *e, const char *name, int size, double
     bw_report_fill_singular(&e->report, &e->mesh, &e->map);
     bw_report_fill_trace(&e->report, &e->cells);
     bw_report_fill_complex(&e->report, &e->complex, kind == BW_COMPLEX_BC ? "bc" : "mc");
+}
+
+static inline void encode_prepare(encoded *e, const char *name, int size, double noise,
+                                  bw_complex_kind kind) {
+    memset(e, 0, sizeof *e);
+    bw_context_init(&e->ctx);
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    options.size = size, options.noise = noise, options.seed = kit_seed();
+    kit_expect_ok(&e->ctx, sample_map(&e->ctx, name, &options, &e->mesh, &e->map));
+    encode_trace_and_build(e, kind);
     e->folder = kit_temp_path("%s-%d-%d", name, size, (int)kind);
 }
 

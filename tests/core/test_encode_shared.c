@@ -10,11 +10,7 @@ static void encode_file(encoded *e, const char *path, bw_complex_kind kind) {
     bw_context_init(&e->ctx);
     kit_expect_ok(&e->ctx, bw_hexex_read(&e->ctx, path, &e->mesh));
     kit_expect_ok(&e->ctx, bw_sanitize(&e->ctx, 1e-3, &e->mesh, &e->map, &report));
-    kit_expect_ok(&e->ctx, bw_cells_init(&e->ctx, &e->cells, &e->mesh, &e->map));
-    kit_expect_ok(&e->ctx, bw_trace(&e->ctx, &e->cells, kind, UINT64_MAX));
-    kit_expect_ok(&e->ctx, bw_build_complex(&e->ctx, &e->cells, UINT64_MAX, &e->complex));
-    bw_report_init(&e->report);
-    bw_report_fill_complex(&e->report, &e->complex, kind == BW_COMPLEX_BC ? "bc" : "mc");
+    encode_trace_and_build(e, kind);
     e->folder = kit_temp_path("shared");
     encode_run(e);
 }
