@@ -1,7 +1,7 @@
 /* Blockwright's core: from a tet mesh with a seamless parametrization to a complex of cuboid blocks.
  *
  * The only header that programs outside core include. A job is a row of stages; each reads the state that the one
- * before it left and either grows it (sanitize, trace, build) or writes results (encode):
+ * before it left and either grows or changes it (sanitize, trace, build, reduce) or writes results (encode):
  *
  *     input file --sanitize--> state --trace--> state --build--> state --encode--> result files
  *
@@ -12,22 +12,22 @@
 #define BLOCKWRIGHT_H
 
 #include "base/context.h"
+#include "base/kinds.h"
 
 typedef enum {
     BW_STAGE_SANITIZE, /* loads the input file first */
     BW_STAGE_TRACE,
     BW_STAGE_BUILD,
+    BW_STAGE_REDUCE,
     BW_STAGE_ENCODE,
     BW_STAGE_COUNT
 } bw_stage;
 
-typedef enum {
-    BW_COMPLEX_MC, /* raw motorcycle complex (MC 4) */
-    BW_COMPLEX_BC  /* base complex: walls do not stop at walls (MC 2) */
-} bw_complex_kind;
-
 typedef struct {
     bw_complex_kind complex;
+    bw_reduce_mode reduce;
+    bw_self_adjacent self_adjacent;
+    int effort;          /* 0..3: how long reduce searches for fewer blocks; 0 is the paper's order only */
     bw_stage until;      /* last stage to run */
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     uint64_t max_cells;  /* work limit of trace: cells of the cut complex (BW_E_LIMIT beyond) */

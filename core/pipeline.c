@@ -12,6 +12,7 @@
 #include "format/state.h"
 #include "stage/build.h"
 #include "stage/encode.h"
+#include "stage/reduce.h"
 #include "stage/sanitize.h"
 #include "stage/trace.h"
 
@@ -58,11 +59,30 @@ static const char *complex_name(bw_complex_kind kind) { return kind == BW_COMPLE
 
 static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    bw_status status = bw_build_complex(ctx, &state->cells, options->max_cells, &state->complex);
+    bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT};
+    bw_status status = bw_build_complex(ctx, &state->cells, &how, &state->complex);
     if (status != BW_OK) return status;
     state->has_complex = true;
     bw_report_fill_trace(&state->report, &state->cells); /* torus splitting may have cut more cells */
     bw_report_fill_complex(&state->report, &state->complex, complex_name(options->complex));
+    return BW_OK;
+}
+
+static const char *const reduce_names[] = {"none", "keep-singular", "full"};
+static const char *const self_adjacent_names[] = {"allow", "split"};
+
+static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    bw_reduce_options how = {options->reduce, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, options->effort};
+    bw_reduce_report found;
+    bw_status status = bw_reduce(ctx, &state->cells, &state->complex, &how, &found);
+    if (status != BW_OK || options->reduce == BW_REDUCE_NONE) return status;
+    bw_report_fill_trace(&state->report, &state->cells);
+    bw_report_fill_reduced(&state->report, &state->complex, reduce_names[options->reduce]);
+    state->report.complex.reduced.effort = (uint64_t)options->effort;
+    state->report.complex.reduced.orders_tried = found.runs;
+    state->report.complex.reduced.blocks_farthest_first = found.blocks_farthest_first;
+    state->report.complex.reduced.patches_removed = found.patches_removed;
     return BW_OK;
 }
 
@@ -79,8 +99,9 @@ static const struct {
 } stages[BW_STAGE_COUNT] = {
     [BW_STAGE_SANITIZE] = {"sanitize", 1, run_sanitize},
     [BW_STAGE_TRACE] = {"trace", 1, run_trace},
-    [BW_STAGE_BUILD] = {"build", 1, run_build},
-    [BW_STAGE_ENCODE] = {"encode", 1, run_encode},
+    [BW_STAGE_BUILD] = {"build", 2, run_build},
+    [BW_STAGE_REDUCE] = {"reduce", 1, run_reduce},
+    [BW_STAGE_ENCODE] = {"encode", 2, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -99,15 +120,36 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 /* ---- options ------------------------------------------------------------------------------------------------------- */
 
 void bw_options_defaults(bw_options *options) {
-    *options = (bw_options){.complex = BW_COMPLEX_MC, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000};
+    *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000};
+}
+
+/* Index of a word in a list of names; -1 if it is none of them. */
+static int choice(const json_t *value, const char *const *names, int count) {
+    const char *word = json_string_value(value);
+    for (int i = 0; i < count && word; i++)
+        if (!strcmp(word, names[i])) return i;
+    return -1;
 }
 
 static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
+    static const char *const complex_names[] = {"mc", "bc"};
     const char *word = json_string_value(value);
+    int i;
     if (!strcmp(name, "complex")) {
-        if (!word || (strcmp(word, "mc") && strcmp(word, "bc")))
-            return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\" or \"bc\"");
-        o->complex = strcmp(word, "bc") ? BW_COMPLEX_MC : BW_COMPLEX_BC;
+        if ((i = choice(value, complex_names, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\" or \"bc\"");
+        o->complex = (bw_complex_kind)i;
+    } else if (!strcmp(name, "reduce")) {
+        if ((i = choice(value, reduce_names, 3)) < 0)
+            return bw_fail(ctx, BW_E_USAGE, "option reduce is \"none\", \"keep-singular\" or \"full\"");
+        o->reduce = (bw_reduce_mode)i;
+    } else if (!strcmp(name, "self_adjacent")) {
+        if ((i = choice(value, self_adjacent_names, 2)) < 0)
+            return bw_fail(ctx, BW_E_USAGE, "option self_adjacent is \"allow\" or \"split\"");
+        o->self_adjacent = (bw_self_adjacent)i;
+    } else if (!strcmp(name, "effort")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 3)
+            return bw_fail(ctx, BW_E_USAGE, "option effort is an integer from 0 to 3");
+        o->effort = (int)json_integer_value(value);
     } else if (!strcmp(name, "until")) {
         if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
             return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");

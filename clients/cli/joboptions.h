@@ -9,7 +9,8 @@
 #include "args.h"
 
 typedef struct {
-    const char *complex, *until; /* NULL: not given */
+    const char *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
+    const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells;           /* 0: not given */
 } cli_job_options;
@@ -19,7 +20,13 @@ typedef struct {
 #define CLI_JOB_OPTIONS(settings)                                                                            \
     {"complex", 0, CLI_CHOICE, offsetof(settings, job.complex), "mc|bc",                                     \
      "mc: motorcycle complex (default); bc: base complex", 0, 0},                                            \
-    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|encode",                   \
+    {"reduce", 0, CLI_CHOICE, offsetof(settings, job.reduce), "none|keep-singular|full",                     \
+     "walls taken away: none, all but those at singular arcs (default), or any", 0, 0},                      \
+    {"effort", 0, CLI_CHOICE, offsetof(settings, job.effort), "0|1|2|3",                                     \
+     "how long to search for fewer blocks (default 1)", 0, 0},                                               \
+    {"self-adjacent", 0, CLI_CHOICE, offsetof(settings, job.self_adjacent), "allow|split",                   \
+     "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
+    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|encode",            \
      "stop after this stage (default encode)", 0, 0},                                                        \
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
      "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \

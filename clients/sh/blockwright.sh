@@ -10,7 +10,7 @@ usage() {
     cat <<'END'
 Usage: blockwright.sh COMMAND ...
 
-  submit FILE [--complex mc|bc] [--until STAGE] [--name TEXT] [--wait] [--out DIR]
+  submit FILE [--complex mc|bc] [--reduce none|keep-singular|full] [--until STAGE] [--name TEXT] [--wait] [--out DIR]
                      upload FILE, create a job, print its id; --wait follows it, --out also fetches the results
   watch ID           wait until job ID has ended
   fetch ID --out DIR bring its results home, each checked against its SHA-256
@@ -203,6 +203,7 @@ submit() {
     esac
     options=
     [ -z "$complex" ] || options="\"complex\": $(quoted "$complex")"
+    [ -z "$reduce" ] || options="${options:+$options, }\"reduce\": $(quoted "$reduce")"
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
     printf '{"input": "%s", "name": %s, "options": {%s}}' "$hash" "$(quoted "${name:-$(basename "$1")}")" "$options" \
         >"$work/request"
@@ -351,6 +352,7 @@ quiet=no
 wait=no
 out=
 complex=
+reduce=
 until=
 name=
 command=
@@ -363,12 +365,13 @@ while [ $# -gt 0 ]; do
         ;;
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
-    --server | --out | -o | --complex | --until | --name)
+    --server | --out | -o | --complex | --reduce | --until | --name)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
         --out | -o) out=$2 ;;
         --complex) complex=$2 ;;
+        --reduce) reduce=$2 ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
         esac

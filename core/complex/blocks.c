@@ -15,6 +15,7 @@ static bw_status number_blocks(bw_build *b) {
     bw_complex *x = b->complex;
     bw_cell *parent = x->cell_block = bw_alloc(b->ctx, c->cell_count, sizeof *parent);
     if (!parent) return b->ctx->error.status;
+    x->cell_count = c->cell_count;
     for (size_t i = 0; i < c->cell_count; i++) parent[i] = (bw_cell)i;
     for (size_t p = 0; p < c->polygon_count; p++) {
         const bw_cell_polygon *q = &c->polygon[p];

@@ -69,6 +69,7 @@ typedef struct {
     bw_block *cell_block;       /* [cell] */
     bw_transition *cell_chart;  /* [cell]: from the tet's chart to the block's, whose low corner is the origin */
 
+    size_t cell_count;          /* of the cell complex when this was built */
     size_t torus_splits;        /* blocks that were tori and got a wall */
 } bw_complex;
 

@@ -14,13 +14,8 @@
 #ifndef BW_COMPLEX_REDUCTION_H
 #define BW_COMPLEX_REDUCTION_H
 
+#include "base/kinds.h"
 #include "complex/complex.h"
-
-typedef enum {
-    BW_REDUCE_NONE,
-    BW_REDUCE_KEEP_SINGULAR, /* walls at singular arcs stay: regular-irreducible (MC+) */
-    BW_REDUCE_FULL           /* irreducible (MC) */
-} bw_reduce_mode;
 
 typedef struct {
     bw_reduce_mode mode;

@@ -44,24 +44,39 @@ void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
     }
 }
 
+/* The same counts are kept of the raw and of the reduced complex, in structs that have them as members of these names. */
+#define FILL_COUNTS(into, complex)                                                                                    \
+    do {                                                                                                              \
+        (into)->nodes = (complex)->node_count, (into)->arcs = (complex)->arc_count;                                   \
+        (into)->patches = (complex)->patch_count, (into)->blocks = (complex)->block_count;                            \
+        (into)->singular_nodes = count_flag((complex)->node_flags, (complex)->node_count, BW_NODE_SINGULAR);          \
+        (into)->t_arcs = count_flag((complex)->arc_flags, (complex)->arc_count, BW_ARC_T);                            \
+        (into)->singular_arcs = count_flag((complex)->arc_flags, (complex)->arc_count, BW_ARC_SINGULAR);              \
+        (into)->boundary_patches = count_flag((complex)->patch_flags, (complex)->patch_count, BW_PATCH_BOUNDARY);     \
+        (into)->self_adjacent_patches = count_self_adjacent(complex);                                                 \
+    } while (0)
+
+static uint64_t count_flag(const uint8_t *flags, size_t n, int flag) {
+    uint64_t count = 0;
+    for (size_t i = 0; i < n; i++) count += (flags[i] & flag) != 0;
+    return count;
+}
+
+static uint64_t count_self_adjacent(const bw_complex *complex) {
+    uint64_t count = 0;
+    for (size_t i = 0; i < complex->patch_count; i++) count += complex->patch_block[i][0] == complex->patch_block[i][1];
+    return count;
+}
+
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind) {
     report->has_complex = true;
     snprintf(report->complex.kind, sizeof report->complex.kind, "%s", kind);
-    report->complex.raw.nodes = complex->node_count;
-    report->complex.raw.arcs = complex->arc_count;
-    report->complex.raw.patches = complex->patch_count;
-    report->complex.raw.blocks = complex->block_count;
+    FILL_COUNTS(&report->complex.raw, complex);
     report->complex.raw.torus_splits = complex->torus_splits;
-    report->complex.raw.t_arcs = report->complex.raw.singular_arcs = report->complex.raw.singular_nodes = 0;
-    report->complex.raw.boundary_patches = report->complex.raw.self_adjacent_patches = 0;
-    for (size_t i = 0; i < complex->node_count; i++)
-        report->complex.raw.singular_nodes += (complex->node_flags[i] & BW_NODE_SINGULAR) != 0;
-    for (size_t i = 0; i < complex->arc_count; i++) {
-        report->complex.raw.t_arcs += (complex->arc_flags[i] & BW_ARC_T) != 0;
-        report->complex.raw.singular_arcs += (complex->arc_flags[i] & BW_ARC_SINGULAR) != 0;
-    }
-    for (size_t i = 0; i < complex->patch_count; i++) {
-        report->complex.raw.boundary_patches += (complex->patch_flags[i] & BW_PATCH_BOUNDARY) != 0;
-        report->complex.raw.self_adjacent_patches += complex->patch_block[i][0] == complex->patch_block[i][1];
-    }
+}
+
+void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const char *mode) {
+    report->has_reduced = true;
+    snprintf(report->complex.reduced.mode, sizeof report->complex.reduced.mode, "%s", mode);
+    FILL_COUNTS(&report->complex.reduced, complex);
 }

@@ -24,6 +24,7 @@ typedef struct {
 #define TRACE(type, name) MEMBER("trace", NULL, type, trace., name)
 #define COMPLEX(type, name) MEMBER("complex", NULL, type, complex., name)
 #define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
+#define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -73,6 +74,20 @@ static const field fields[] = {
     RAW(COUNT, singular_arcs),
     RAW(COUNT, boundary_patches),
     RAW(COUNT, self_adjacent_patches),
+    REDUCED(TEXT, mode),
+    REDUCED(COUNT, nodes),
+    REDUCED(COUNT, arcs),
+    REDUCED(COUNT, patches),
+    REDUCED(COUNT, blocks),
+    REDUCED(COUNT, t_arcs),
+    REDUCED(COUNT, singular_nodes),
+    REDUCED(COUNT, singular_arcs),
+    REDUCED(COUNT, boundary_patches),
+    REDUCED(COUNT, self_adjacent_patches),
+    REDUCED(COUNT, effort),
+    REDUCED(COUNT, orders_tried),
+    REDUCED(COUNT, patches_removed),
+    REDUCED(COUNT, blocks_farthest_first),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -144,11 +159,14 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
     return text ? text : json_string(""); /* a file name that is not UTF-8 */
 }
 
+/* The one group that may be missing from its section. */
+static bool is_optional(const field *f) { return f->group && !strcmp(f->group, "reduced"); }
+
 static json_t *section_to_json(const char *name, const bw_report *report) {
     json_t *section = json_object();
     for (size_t i = 0; i < FIELDS; i++) {
         const field *f = &fields[i];
-        if (strcmp(f->section, name)) continue;
+        if (strcmp(f->section, name) || (is_optional(f) && !report->has_reduced)) continue;
         json_t *into = section;
         if (f->group && !(into = json_object_get(section, f->group))) {
             json_object_set_new(section, f->group, json_object());
@@ -282,6 +300,8 @@ static bool section_from_json(const char *name, const json_t *section, bw_report
         const field *f = &fields[i];
         if (strcmp(f->section, name)) continue;
         const json_t *from = f->group ? json_object_get(section, f->group) : section;
+        if (is_optional(f) && !from) continue;
+        if (is_optional(f)) report->has_reduced = true;
         if (!field_from_json(f, json_object_get(from, f->name), report)) return false;
     }
     return true;

@@ -31,6 +31,7 @@ typedef struct {
 
 typedef struct {
     bool has_input, has_sanitize, has_trace, has_complex, has_quality;
+    bool has_reduced; /* complex.reduced */
 
     struct {
         char file[256]; /* name without its folder; may be empty */
@@ -63,6 +64,13 @@ typedef struct {
             uint64_t nodes, arcs, patches, blocks, t_arcs, torus_splits;
             uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
         } raw;
+        struct { /* after wall retraction */
+            char mode[16]; /* "keep-singular" or "full" */
+            uint64_t nodes, arcs, patches, blocks, t_arcs;
+            uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
+            uint64_t effort, orders_tried, patches_removed;
+            uint64_t blocks_farthest_first; /* blocks that the paper's order alone leaves */
+        } reduced;
     } complex;
 
     struct {
@@ -93,6 +101,7 @@ void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh,
                              const bw_grid_map *map); /* into input */
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells);
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
+void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const char *mode); /* the counts of complex.reduced */
 
 /* JSON text, newline at the end; free() it. NULL if out of memory. */
 char *bw_report_to_json(const bw_report *report);

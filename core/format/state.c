@@ -120,7 +120,7 @@ static void set_counts(bw_state *s, const counts *n) {
     c->half_count = c->half_room = n->cell_half, c->polygon_count = c->polygon_room = n->cell_polygon;
     c->cell_count = c->cell_room = n->cell;
     x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
-    x->torus_splits = n->torus_splits;
+    x->torus_splits = n->torus_splits, x->cell_count = n->cell;
 }
 
 void bw_state_init(bw_state *state) {

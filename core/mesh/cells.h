@@ -62,7 +62,7 @@ enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splittin
 
 typedef struct {
     bw_plane plane;        /* kind BW_IN_TET: iso-plane in the tet's chart; else axis is -1 unless the facet is aligned, then chart of facet_tet[0] */
-    int64_t distance;      /* of a wall from its origin, grid units */
+    int64_t distance;      /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
     int32_t carrier;       /* bw_facet or bw_tet */
     bw_half half;          /* any half-edge */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */

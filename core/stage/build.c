@@ -1,13 +1,29 @@
 #include "stage/build.h"
 
+#include "mesh/fire.h"
 #include "mesh/walk.h"
 
-/* Where a torus is cut open: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it. */
+/* Where a block is cut in two: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it. */
 typedef struct {
     bw_cell cell;
     bw_plane plane;
-    int64_t length;
+    int64_t length; /* of the edge; 0: none found */
 } start;
+
+/* The plane across the middle of a complex edge, seen from one of its cells. */
+static start across_edge(const bw_cells *c, bw_cedge e, bw_cell cell) {
+    bw_tet tet = c->cell[cell].tet;
+    int axis = bw_cells_edge_axis(c, e, tet);
+    if (axis < 0) return (start){.length = 0};
+    bool fraction;
+    int64_t x[2];
+    for (int i = 0; i < 2; i++) x[i] = bw_cells_floor(c, c->edge[e].vertex[i], tet, axis, &fraction);
+    int64_t low = x[0] < x[1] ? x[0] : x[1], length = x[0] < x[1] ? x[1] - x[0] : x[0] - x[1];
+    if (length < 2) return (start){.length = 0}; /* no integer strictly between its ends, for certain */
+    return (start){cell, {low + length / 2, (int8_t)axis}, length};
+}
+
+/* ---- tori ---------------------------------------------------------------------------------------------------------- */
 
 /* Considers the edges of one wall polygon of a cell: keeps the longest right-angled one. */
 static void consider(const bw_cells *c, bw_polygon p, bw_cell cell, start *best) {
@@ -17,22 +33,16 @@ static void consider(const bw_cells *c, bw_polygon p, bw_cell cell, start *best)
         h = c->half[h].next;
         int slot = c->polygon[p].cell[0] != cell;
         bool flat = true;
-        bw_tet tet = c->cell[cell].tet;
-        int axis = bw_cells_edge_axis(c, e, tet);
-        if (axis < 0) continue;
-        bool fraction;
-        int64_t x[2];
-        for (int i = 0; i < 2; i++) x[i] = bw_cells_floor(c, c->edge[e].vertex[i], tet, axis, &fraction);
-        int64_t low = x[0] < x[1] ? x[0] : x[1], length = x[0] < x[1] ? x[1] - x[0] : x[0] - x[1];
-        if (length < 2 || length <= best->length) continue;
+        start s = across_edge(c, e, cell);
+        if (s.length <= best->length) continue;
         bw_walk_wall(c, e, p, &slot, &flat);
-        if (!flat) *best = (start){cell, {low + length / 2, (int8_t)axis}, length};
+        if (!flat) *best = s;
     } while (h != c->polygon[p].half);
 }
 
-static start find_start(const bw_cells *c, const bw_complex *x, bw_cell member) {
-    start best = {.cell = BW_NONE};
-    for (size_t cell = (size_t)member; cell < c->cell_count; cell++) {
+static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_cell member) {
+    start best = {.length = 0};
+    for (size_t cell = (size_t)member; cell < x->cell_count; cell++) { /* cutting another torus may have added cells */
         if (x->cell_block[cell] != x->cell_block[member]) continue;
         for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell))
             if (c->polygon[p].flags & BW_WALL) consider(c, p, (bw_cell)cell, &best);
@@ -40,94 +50,142 @@ static start find_start(const bw_cells *c, const bw_complex *x, bw_cell member) 
     return best;
 }
 
-/* An edge on the block's own boundary has walls that were there before. */
-static bool is_rim(const bw_cells *c, bw_cedge e) {
-    bw_half head = c->edge[e].half, h = head;
-    do {
-        uint8_t flags = c->polygon[c->half[h].polygon].flags;
-        if (flags & BW_WALL && !(flags & BW_SPLIT)) return true;
-        h = c->half[h].radial;
-    } while (h != head);
-    return false;
-}
-
-typedef struct {
-    bw_context *ctx;
-    bw_cells *cells;
-    uint64_t max_cells;
-    bw_polygon *stack;
-    size_t count, room;
-} splitter;
-
-static bw_status add_wall(splitter *s, bw_cell cell, bw_plane plane, bw_polygon known) {
-    bw_polygon p = known;
-    bw_status status = bw_reserve(s->ctx, &s->stack, &s->room, s->count + 1);
-    if (status == BW_OK && s->cells->cell_count >= s->max_cells)
-        status = bw_fail(s->ctx, BW_E_LIMIT, "opening a toroidal block cuts the mesh into more than %llu cells",
-                         (unsigned long long)s->max_cells);
-    if (status == BW_OK && p == BW_NONE) status = bw_cells_cut(s->ctx, s->cells, cell, plane, &p);
-    if (status != BW_OK || s->cells->polygon[p].flags & BW_WALL) return status;
-    s->cells->polygon[p].flags |= BW_WALL | BW_SPLIT;
-    s->cells->polygon[p].distance = 0;
-    s->stack[s->count++] = p;
-    return BW_OK;
-}
-
-/* The fire of MC 5.3: spreads in one iso-plane up to the walls of the block. */
-static bw_status flood(splitter *s, const start *from) {
-    bw_cells *c = s->cells;
-    bw_status status = add_wall(s, from->cell, from->plane, BW_NONE);
-    while (s->count && status == BW_OK) {
-        bw_polygon p = s->stack[--s->count];
-        if (!bw_cells_polygon_is_leaf(c, p)) { /* split since it was burnt: both halves go on */
-            status = bw_reserve(s->ctx, &s->stack, &s->room, s->count + 2);
-            for (int i = 0; i < 2 && status == BW_OK; i++) s->stack[s->count++] = c->polygon[p].child[i];
-            continue;
+/* A vertex of the tet mesh in a block that has no right-angled edge, on its walls if it has any, and the axes in those walls. */
+static bw_vertex vertex_without_arcs(const bw_cells *c, const bw_complex *x, bw_cell member, bw_tet *tet, unsigned *axes) {
+    for (size_t cell = (size_t)member; cell < x->cell_count; cell++) {
+        if (x->cell_block[cell] != x->cell_block[member]) continue;
+        *tet = c->cell[cell].tet;
+        for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell)) {
+            bw_half h = c->polygon[p].half;
+            do {
+                const bw_cell_vertex *v = &c->vertex[c->half[h].origin];
+                bw_plane plane = bw_cells_polygon_plane(c, p, *tet);
+                *axes = 7u & ~(1u << plane.axis);
+                if (c->polygon[p].flags & BW_WALL && v->kind == BW_IN_VERTEX) return v->carrier;
+                h = c->half[h].next;
+            } while (h != c->polygon[p].half);
         }
-        bw_half h = c->polygon[p].half;
-        do {
-            bw_continuation to;
-            bw_cedge e = c->half[h].edge;
-            if (!is_rim(c, e) && bw_walk_straight(c, e, p, &to)) status = add_wall(s, to.cell, to.plane, to.polygon);
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half && status == BW_OK);
     }
+    *axes = 7; /* no walls: a closed manifold */
+    *tet = c->cell[member].tet;
+    return c->mesh->tet[*tet][0];
+}
+
+/* A map without any singularity near the block: the fire of a single point cuts it (MC 4.1.2, closed facets). */
+static bw_status ignite_anywhere(bw_fire *fire, const bw_complex *x, bw_cell member) {
+    const bw_tet_mesh *mesh = fire->cells->mesh;
+    bw_tet first, *tets = NULL;
+    unsigned axes;
+    size_t count = 0, room = 0;
+    bw_vertex v = vertex_without_arcs(fire->cells, x, member, &first, &axes);
+    bw_status status = bw_reserve(fire->ctx, &tets, &room, 1);
+    if (status == BW_OK) tets[count++] = first;
+    for (size_t t = 0; t < mesh->tet_count && status == BW_OK; t++) {
+        if ((bw_tet)t == first || bw_tet_corner(mesh, (bw_tet)t, v) < 0) continue;
+        status = bw_reserve(fire->ctx, &tets, &room, count + 1);
+        if (status == BW_OK) tets[count++] = (bw_tet)t;
+    }
+    if (status == BW_OK) status = bw_fire_ignite_vertex(fire, v, tets, count, axes);
+    bw_free(fire->ctx, tets);
     return status;
+}
+
+/* The fire stops at the walls of its block, and at its own. */
+static void init_fire(bw_fire *fire, bw_context *ctx, bw_cells *cells, uint64_t max_cells) {
+    bw_fire_init(fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = true, .flags = BW_SPLIT, .max_cells = max_cells});
 }
 
 static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *complex, const bw_torus_list *tori, uint64_t max_cells) {
-    splitter s = {.ctx = ctx, .cells = cells, .max_cells = max_cells};
+    bw_fire fire;
+    init_fire(&fire, ctx, cells, max_cells);
     bw_status status = BW_OK;
     for (size_t i = 0; i < tori->count && status == BW_OK; i++) {
-        start from = find_start(cells, complex, tori->cell[i]);
-        if (from.cell == BW_NONE) {
-            double centre[3];
-            bw_tet tet = cells->cell[tori->cell[i]].tet;
-            bw_tet_centre(cells->mesh, tet, centre);
-            bw_fail_element(ctx, "tet", tet, centre);
-            status = bw_fail(ctx, BW_E_ALGORITHM, "the block that holds tet %d is no cuboid and has no right-angled edge to open it at", tet);
-        } else {
-            status = flood(&s, &from);
-        }
-        if (status == BW_OK) status = bw_poll(ctx);
+        start from = longest_right_angle(cells, complex, tori->cell[i]);
+        if (from.length) status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
+        else status = ignite_anywhere(&fire, complex, tori->cell[i]);
+        if (status == BW_OK) status = bw_fire_run(&fire);
     }
-    bw_free(ctx, s.stack);
+    bw_fire_clear(&fire);
     return status;
 }
 
-bw_status bw_build_complex(bw_context *ctx, bw_cells *cells, uint64_t max_cells, bw_complex *complex) {
+static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_cells, bw_complex *complex, size_t *splits) {
     bw_torus_list tori = {0};
-    size_t splits = 0;
     bw_status status = bw_complex_build(ctx, cells, complex, &tori);
-    while (status == BW_OK && tori.count) {
-        splits += tori.count;
-        status = split_tori(ctx, cells, complex, &tori, max_cells);
+    for (int round = 0; status == BW_OK && tori.count; round++) {
+        if (round == 8) { /* one wall opens a torus, two a block without arcs */
+            bw_tet tet = cells->cell[tori.cell[0]].tet;
+            double centre[3];
+            bw_tet_centre(cells->mesh, tet, centre);
+            bw_fail_element(ctx, "tet", tet, centre);
+            status = bw_fail(ctx, BW_E_ALGORITHM, "the block that holds tet %d stays other than a cuboid however often it is cut", tet);
+        }
+        *splits += tori.count;
+        if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, max_cells);
         bw_complex_clear(ctx, complex);
-        if (status == BW_OK && splits > cells->mesh->tet_count + 1)
-            status = bw_fail(ctx, BW_E_ALGORITHM, "opening toroidal blocks does not end");
         if (status == BW_OK) status = bw_complex_build(ctx, cells, complex, &tori);
     }
     bw_free(ctx, tori.cell);
+    return status;
+}
+
+/* ---- self-adjacent blocks ------------------------------------------------------------------------------------------- */
+
+/* A place to cut a block across one of its axes: the longest of the complex edges along it. */
+static start across_block(const bw_cells *c, const bw_complex *x, bw_block block, int axis) {
+    start best = {.length = 0};
+    for (size_t k = 12 * (size_t)block + 4 * (size_t)axis; k < 12 * (size_t)block + 4 * (size_t)axis + 4; k++)
+        for (size_t i = x->block_edge_begin[k]; i < x->block_edge_begin[k + 1]; i++) {
+            bw_arc a = x->block_edge[i] >> 1;
+            for (size_t j = x->arc_edge_begin[a]; j < x->arc_edge_begin[a + 1]; j++) {
+                bw_cedge e = x->arc_edge[j];
+                bw_half head = c->edge[e].half, h = head;
+                if (head == BW_NONE) continue; /* split since: the next round sees its parts */
+                do {
+                    for (int s = 0; s < 2; s++) {
+                        bw_cell cell = c->polygon[c->half[h].polygon].cell[s];
+                        if (cell == BW_NONE || (size_t)cell >= x->cell_count || x->cell_block[cell] != block) continue;
+                        start at = across_edge(c, e, cell);
+                        bw_plane turned = bw_transition_plane(&x->cell_chart[cell], at.plane);
+                        if (at.length > best.length && turned.axis == axis) best = at;
+                    }
+                    h = c->half[h].radial;
+                } while (h != head);
+            }
+        }
+    return best;
+}
+
+/* Cuts every block that touches itself across opposite sides; *cut counts them. */
+static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_complex *x, uint64_t max_cells, size_t *cut) {
+    bw_fire fire;
+    init_fire(&fire, ctx, cells, max_cells);
+    bw_status status = BW_OK;
+    bw_block last = BW_NONE;
+    *cut = 0;
+    for (size_t p = 0; p < x->patch_count && status == BW_OK; p++) {
+        if (x->patch_block[p][0] != x->patch_block[p][1] || x->patch_block[p][0] == last) continue;
+        if (x->patch_side[p][0] >> 1 != x->patch_side[p][1] >> 1 || x->patch_side[p][0] == x->patch_side[p][1]) continue;
+        start from = across_block(cells, x, x->patch_block[p][0], x->patch_side[p][0] >> 1);
+        if (!from.length) continue;
+        last = x->patch_block[p][0];
+        ++*cut;
+        status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
+        if (status == BW_OK) status = bw_fire_run(&fire);
+    }
+    bw_fire_clear(&fire);
+    return status;
+}
+
+bw_status bw_build_complex(bw_context *ctx, bw_cells *cells, const bw_build_options *options, bw_complex *complex) {
+    size_t splits = 0, cut = options->split_self_adjacent;
+    bw_status status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
+    for (int round = 0; round < 8 && cut && status == BW_OK; round++) {
+        status = split_self_adjacent(ctx, cells, complex, options->max_cells, &cut);
+        if (!cut || status != BW_OK) break;
+        bw_complex_clear(ctx, complex);
+        status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
+    }
     complex->torus_splits = splits;
     bw_progress(ctx, 0.7);
     if (status == BW_OK) status = bw_complex_check(ctx, cells, complex);

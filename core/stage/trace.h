@@ -2,7 +2,7 @@
 #ifndef BW_STAGE_TRACE_H
 #define BW_STAGE_TRACE_H
 
-#include "blockwright.h"
+#include "base/kinds.h"
 #include "mesh/cells.h"
 
 /* Burns walls from all singular edges: cuts the cells that the fire crosses and flags the polygons it burns BW_WALL, with

@@ -26,7 +26,7 @@ typedef struct {
 static inline void encode_trace_and_build(encoded *e, bw_complex_kind kind) {
     kit_expect_ok(&e->ctx, bw_cells_init(&e->ctx, &e->cells, &e->mesh, &e->map));
     kit_expect_ok(&e->ctx, bw_trace(&e->ctx, &e->cells, kind, UINT64_MAX));
-    kit_expect_ok(&e->ctx, bw_build_complex(&e->ctx, &e->cells, UINT64_MAX, &e->complex));
+    kit_expect_ok(&e->ctx, bw_build_complex(&e->ctx, &e->cells, &(bw_build_options){.max_cells = UINT64_MAX}, &e->complex));
     bw_report_init(&e->report);
     bw_report_fill_input(&e->report, &e->mesh);
     bw_report_fill_singular(&e->report, &e->mesh, &e->map);

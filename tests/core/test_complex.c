@@ -17,7 +17,7 @@ static bw_status make(bw_context *ctx, fixture *f, const char *name, const bw_mo
     bw_status status = sample_map(ctx, name, options, &f->mesh, &f->map);
     if (status == BW_OK) status = bw_cells_init(ctx, &f->cells, &f->mesh, &f->map);
     if (status == BW_OK) status = bw_trace(ctx, &f->cells, kind, 1000000);
-    if (status == BW_OK) status = bw_build_complex(ctx, &f->cells, 1000000, &f->complex);
+    if (status == BW_OK) status = bw_build_complex(ctx, &f->cells, &(bw_build_options){.max_cells = 1000000}, &f->complex);
     return status;
 }
 

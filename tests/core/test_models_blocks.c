@@ -26,7 +26,7 @@ static bw_status compute(bw_context *ctx, bw_tet_mesh *mesh, bw_complex_kind kin
     bw_status status = bw_sanitize(ctx, tolerance, mesh, &map, &report);
     if (!status) status = bw_cells_init(ctx, &cells, mesh, &map);
     if (!status) status = bw_trace(ctx, &cells, kind, enough);
-    if (!status) status = bw_build_complex(ctx, &cells, enough, &complex);
+    if (!status) status = bw_build_complex(ctx, &cells, &(bw_build_options){.max_cells = enough}, &complex);
     *out = (found){complex.block_count, (size_t)complex.torus_splits, report.displacement_max};
     bw_complex_clear(ctx, &complex);
     bw_cells_clear(ctx, &cells);

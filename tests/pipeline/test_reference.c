@@ -37,7 +37,7 @@ static outcome run(const char *path, bw_complex_kind kind) {
     if (status == BW_OK) status = bw_cells_init(&ctx, &cells, &mesh, &map);
     if (status == BW_OK) status = bw_trace(&ctx, &cells, kind, 200000);
     if (status == BW_OK) status = bw_cells_check(&ctx, &cells);
-    if (status == BW_OK) status = bw_build_complex(&ctx, &cells, 200000, &complex);
+    if (status == BW_OK) status = bw_build_complex(&ctx, &cells, &(bw_build_options){.max_cells = 200000}, &complex);
     outcome result = {complex.block_count, report.singular_interior + report.singular_boundary, status, ""};
     snprintf(result.message, sizeof result.message, "%s", ctx.error.message);
     bw_complex_clear(&ctx, &complex);

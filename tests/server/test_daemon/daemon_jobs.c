@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bw_api.h"
 #include "daemon_kit.h"
 
 static kit_daemon d;
@@ -27,7 +28,7 @@ static void a_job_runs_all_stages_and_its_results_are_the_workers_bytes(void **s
     kit_submit(&d, "* log hello\nencode bytes 5000\n", NULL, id);
     json_t *job = kit_wait(&d, id, 20);
     assert_string_equal(kit_text(job, "state"), "successful");
-    assert_int_equal(json_array_size(json_object_get(job, "attempts")), 4);
+    assert_int_equal(json_array_size(json_object_get(job, "attempts")), BW_API_STAGE_COUNT);
     assert_true(json_number_value(json_object_get(job, "progress")) == 1);
     json_decref(job);
     kit_reply r = kit_get(&d, "/v1/jobs/%s/results", id);
@@ -63,7 +64,7 @@ static void a_second_equal_job_reuses_every_stage(void **state) {
     kit_submit(&d, "encode bytes 77\n", "{\"complex\":\"mc\"}", second); /* the default, said aloud */
     json_t *job = kit_wait(&d, second, 20);
     assert_string_equal(kit_text(job, "state"), "successful");
-    assert_int_equal(reused(job), 4);
+    assert_int_equal(reused(job), BW_API_STAGE_COUNT);
     json_decref(job);
     kit_reply a = kit_get(&d, "/v1/jobs/%s/results/data.bin", first);
     kit_reply b = kit_get(&d, "/v1/jobs/%s/results/data.bin", second);
@@ -80,9 +81,10 @@ static void a_job_reuses_the_stages_before_the_first_one_its_options_change(void
     const struct {
         const char *options;
         size_t stages, reused;
-    } cases[] = {{"{\"until\":\"trace\"}", 2, 0},          {"{}", 4, 2},
-                 {"{\"complex\":\"bc\"}", 4, 1},             {"{\"max_cells\":5}", 4, 1},
-                 {"{\"tolerance\":0.05}", 4, 0},              {"{\"tolerance\":0.05,\"complex\":\"bc\"}", 4, 1},
+    } cases[] = {{"{\"until\":\"trace\"}", 2, 0},          {"{}", BW_API_STAGE_COUNT, 2},
+                 {"{\"complex\":\"bc\"}", BW_API_STAGE_COUNT, 1},             {"{\"max_cells\":5}", BW_API_STAGE_COUNT, 1},
+                 {"{\"tolerance\":0.05}", BW_API_STAGE_COUNT, 0},              {"{\"tolerance\":0.05,\"complex\":\"bc\"}", BW_API_STAGE_COUNT, 1},
+                 {"{\"reduce\":\"full\"}", BW_API_STAGE_COUNT, 3},
                  {"{\"until\":\"build\",\"max_cells\":5}", 3, 3}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char id[32];
@@ -103,10 +105,10 @@ static void equal_jobs_at_the_same_time_make_each_output_once(void **state) {
     for (int i = 0; i < 6; i++) {
         json_t *job = kit_wait(&d, ids[i], 20);
         assert_string_equal(kit_text(job, "state"), "successful");
-        worked += 4 - reused(job);
+        worked += BW_API_STAGE_COUNT - reused(job);
         json_decref(job);
     }
-    assert_int_equal(worked, 4);
+    assert_int_equal(worked, BW_API_STAGE_COUNT);
 }
 
 static void a_job_that_stops_early_has_no_results(void **state) {

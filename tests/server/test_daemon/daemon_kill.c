@@ -7,9 +7,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "bw_api.h"
 #include "daemon_kit.h"
 
-enum { ROUNDS = 30, JOBS_MOST = 100, STAGES = 4, WORKER_KILLS_MOST = 2 };
+enum { ROUNDS = 30, JOBS_MOST = 100, STAGES = BW_API_STAGE_COUNT, WORKER_KILLS_MOST = 2 };
 
 typedef struct {
     char id[32], script[160];
@@ -23,7 +24,6 @@ static atomic_bool enough;
 static int daemon_kills, worker_kills, strange_answers;
 static pthread_mutex_t address_lock = PTHREAD_MUTEX_INITIALIZER; /* d.address changes at a restart */
 static const char *const two_workers[] = {"--workers", "2", NULL};
-static const char *const stages[STAGES] = {"sanitize", "trace", "build", "encode"};
 
 static int stop(void **state) {
     (void)state;
@@ -79,7 +79,7 @@ static int job_of(pid_t pid, int *stage) {
         for (int k = 0; k < job_count; k++)
             if (strcmp(line + i, jobs[k].id) == 0) found = k;
         for (int s = 0; s < STAGES; s++)
-            if (strcmp(line + i, stages[s]) == 0) *stage = s;
+            if (strcmp(line + i, bw_api_stages[s].name) == 0) *stage = s;
     }
     return *stage < 0 ? -1 : found;
 }
@@ -99,7 +99,9 @@ static void kill_a_worker(void) {
 
 static void check_bytes(const job *j) {
     char expected[400];
-    snprintf(expected, sizeof expected, "%s# sanitize\n# trace\n# build\n", j->script);
+    int at = snprintf(expected, sizeof expected, "%s", j->script);
+    for (int s = 0; s < STAGES - 1; s++) /* every stage but the last adds its name to what it passes on */
+        at += snprintf(expected + at, sizeof expected - (size_t)at, "# %s\n", bw_api_stages[s].name);
     kit_reply r = kit_get(&d, "/v1/jobs/%s/results/script.txt", j->id);
     assert_int_equal(r.status, 200);
     assert_string_equal(r.body, expected);
@@ -126,7 +128,7 @@ static void check_history(const json_t *all) {
         last = number;
         if (strcmp(kit_text(attempt, "outcome"), "ok") != 0) continue;
         assert_true(done < STAGES);
-        assert_string_equal(kit_text(attempt, "stage"), stages[done++]);
+        assert_string_equal(kit_text(attempt, "stage"), bw_api_stages[done++].name);
     }
     assert_int_equal(done, STAGES);
 }

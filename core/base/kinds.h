@@ -1,0 +1,21 @@
+/* The choices a user has that several layers have to name. */
+#ifndef BW_BASE_KINDS_H
+#define BW_BASE_KINDS_H
+
+typedef enum {
+    BW_COMPLEX_MC, /* motorcycle complex (MC 4) */
+    BW_COMPLEX_BC  /* base complex: walls do not stop at walls (MC 2) */
+} bw_complex_kind;
+
+typedef enum {
+    BW_REDUCE_NONE,          /* the complex as traced */
+    BW_REDUCE_KEEP_SINGULAR, /* walls at singular arcs stay: regular-irreducible (MC+; from the base complex: part of BC-) */
+    BW_REDUCE_FULL           /* irreducible (MC; from the base complex: BC-) */
+} bw_reduce_mode;
+
+typedef enum {
+    BW_SELF_ADJACENT_ALLOW, /* a block may touch itself */
+    BW_SELF_ADJACENT_SPLIT  /* where it does across opposite sides it is cut in two */
+} bw_self_adjacent;
+
+#endif

@@ -1,0 +1,321 @@
+#include "mesh/fire.h"
+
+#include <string.h>
+
+#include "mesh/walk.h"
+
+struct bw_fire_entry {
+    int64_t distance;
+    uint64_t age;
+    bw_cedge edge;
+    bw_polygon from;
+    uint8_t late;    /* 0: the edge lies inside a tet, its entry goes first */
+    uint8_t heading; /* 2 * axis + (1 if towards smaller values), chart of the first cell of `from` */
+};
+typedef bw_fire_entry entry;
+
+void bw_fire_init(bw_fire *fire, bw_context *ctx, bw_cells *cells, const bw_fire_rules *rules) {
+    memset(fire, 0, sizeof *fire);
+    fire->ctx = ctx, fire->cells = cells, fire->rules = *rules;
+}
+
+void bw_fire_clear(bw_fire *fire) {
+    bw_free(fire->ctx, fire->heap);
+    bw_free(fire->ctx, fire->around);
+    fire->heap = NULL, fire->around = NULL;
+}
+
+/* ---- the queue ----------------------------------------------------------------------------------------------------- */
+
+static bool before(const entry *a, const entry *b) {
+    if (a->late != b->late) return a->late < b->late;
+    if (a->distance != b->distance) return a->distance < b->distance;
+    return a->age < b->age;
+}
+
+static bw_status push(bw_fire *f, entry x) {
+    bw_status status = bw_reserve(f->ctx, &f->heap, &f->room, f->count + 1);
+    if (status != BW_OK) return status;
+    x.late = f->cells->edge[x.edge].kind != BW_IN_TET;
+    size_t i = f->count++;
+    for (; i > 0 && before(&x, &f->heap[(i - 1) / 4]); i = (i - 1) / 4) f->heap[i] = f->heap[(i - 1) / 4];
+    f->heap[i] = x;
+    return BW_OK;
+}
+
+static entry pop(bw_fire *f) {
+    entry top = f->heap[0], last = f->heap[--f->count];
+    size_t i = 0;
+    for (;;) {
+        size_t best = 4 * i + 1;
+        if (best >= f->count) break;
+        for (size_t c = best + 1; c < f->count && c < 4 * i + 5; c++)
+            if (before(&f->heap[c], &f->heap[best])) best = c;
+        if (!before(&f->heap[best], &last)) break;
+        f->heap[i] = f->heap[best];
+        i = best;
+    }
+    f->heap[i] = last;
+    return top;
+}
+
+/* ---- burning ------------------------------------------------------------------------------------------------------- */
+
+/* Smallest coordinate of an edge's ends along a heading. */
+static int64_t lowest(const bw_cells *c, bw_cedge e, bw_tet tet, uint8_t heading) {
+    int64_t x[2];
+    for (int i = 0; i < 2; i++) {
+        bool fraction;
+        x[i] = bw_cells_floor(c, c->edge[e].vertex[i], tet, heading >> 1, &fraction);
+        if (heading & 1) x[i] = -x[i];
+    }
+    return x[0] < x[1] ? x[0] : x[1];
+}
+
+/* A heading carried along a rotation. */
+static uint8_t turn(bw_rotation r, uint8_t heading) {
+    for (uint8_t i = 0; i < 3; i++)
+        if (bw_rotation_axis[r][i] == heading >> 1)
+            return (uint8_t)(2 * i + ((heading & 1) ^ (bw_rotation_sign[r][i] < 0)));
+    __builtin_unreachable(); /* every axis is the image of one axis */
+}
+
+/* Burns a polygon reached across `edge` (BW_NONE: lit by itself) and sets its other edges on fire. `heading` is in the chart of `cell`,
+ * one of its cells. */
+static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int64_t distance, uint8_t heading) {
+    bw_cells *c = f->cells;
+    c->polygon[p].flags |= (uint8_t)(BW_WALL | f->rules.flags);
+    c->polygon[p].distance = distance;
+    if (c->polygon[p].cell[0] != cell) heading = turn(bw_cells_transition(c, p, cell).rotation, heading);
+    bw_tet tet = c->cell[c->polygon[p].cell[0]].tet;
+    int64_t base = lowest(c, edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge, tet, heading);
+    bw_half h = c->polygon[p].half;
+    do {
+        bw_cedge e = c->half[h].edge;
+        if (e != edge && !bw_cells_edge_is_boundary(c, e) && !bw_cells_edge_is_singular(c, e)) {
+            entry x = {.distance = distance + lowest(c, e, tet, heading) - base, .age = f->age++, .edge = e, .from = p,
+                       .heading = heading};
+            bw_status status = push(f, x);
+            if (status != BW_OK) return status;
+        }
+        h = c->half[h].next;
+    } while (h != c->polygon[p].half);
+    return BW_OK;
+}
+
+static bw_status limited_cut(bw_fire *f, bw_cell cell, bw_plane plane, bw_polygon *section) {
+    if (f->cells->cell_count >= f->rules.max_cells)
+        return bw_fail(f->ctx, BW_E_LIMIT, "the walls cut the mesh into more than %llu cells; raise --max-cells if the "
+                       "parametrization's iso-surfaces really are that long", (unsigned long long)f->rules.max_cells);
+    return bw_cells_cut(f->ctx, f->cells, cell, plane, section);
+}
+
+/* ---- ignition ------------------------------------------------------------------------------------------------------ */
+
+/* The cells around an edge, each once, in the order of the radial ring. */
+static bw_status cells_at_edge(bw_fire *f, bw_cedge e, size_t *count) {
+    bw_cells *c = f->cells;
+    bw_half head = c->edge[e].half, h = head;
+    *count = 0;
+    do {
+        for (int i = 0; i < 2; i++) {
+            bw_cell cell = c->polygon[c->half[h].polygon].cell[i];
+            bool known = cell == BW_NONE;
+            for (size_t j = 0; j < *count && !known; j++) known = f->around[j] == cell;
+            if (known) continue;
+            bw_status status = bw_reserve(f->ctx, &f->around, &f->around_room, *count + 1);
+            if (status != BW_OK) return status;
+            f->around[(*count)++] = cell;
+        }
+        h = c->half[h].radial;
+    } while (h != head);
+    return BW_OK;
+}
+
+static bw_polygon polygon_at(const bw_cells *c, bw_cedge e, bw_cell cell) {
+    return bw_walk_other(c, e, cell, BW_NONE);
+}
+
+/* Ignition in one cell at an edge that runs along axis `along` of its chart: burns what the cell has, or gets by a
+ * cut, of the plane of constant `axis` through the edge. */
+static bw_status ignite_in_cell(bw_fire *f, bw_cedge e, bw_cell cell, int axis, int along) {
+    bw_cells *c = f->cells;
+    bw_tet tet = c->cell[cell].tet;
+    int third = 3 - axis - along;
+    bool fraction;
+    bw_plane plane[2]; /* through the edge: the wall's, and the one that tells on which side of the edge it is */
+    for (int i = 0; i < 2; i++) {
+        plane[i].axis = (int8_t)(i ? third : axis);
+        plane[i].value = bw_cells_floor(c, c->edge[e].vertex[0], tet, plane[i].axis, &fraction);
+    }
+    bw_polygon at[3] = {polygon_at(c, e, cell), BW_NONE, BW_NONE};
+    at[1] = bw_walk_other(c, e, cell, at[0]);
+    int side[2] = {bw_walk_side(c, at[0], e, tet, plane[0]), bw_walk_side(c, at[1], e, tet, plane[0])};
+    if (side[0] * side[1] < 0) {
+        bw_status status = limited_cut(f, cell, plane[0], &at[2]);
+        if (status != BW_OK) return status;
+    }
+    for (int i = 0; i < 3; i++) {
+        if (at[i] == BW_NONE || (i < 2 && side[i]) || c->polygon[at[i]].flags & BW_WALL) continue;
+        uint8_t heading = (uint8_t)(2 * third + (bw_walk_side(c, at[i], e, tet, plane[1]) < 0));
+        bw_status status = burn(f, at[i], e, cell, 0, heading);
+        if (status != BW_OK) return status;
+    }
+    return BW_OK;
+}
+
+bw_status bw_fire_ignite_edge(bw_fire *f, bw_cedge e) {
+    for (int i = 1; i < 3; i++) {
+        size_t count;
+        bw_status status = cells_at_edge(f, e, &count);
+        for (size_t j = 0; j < count && status == BW_OK; j++) {
+            int along = bw_cells_edge_axis(f->cells, e, f->cells->cell[f->around[j]].tet);
+            status = ignite_in_cell(f, e, f->around[j], (along + i) % 3, along);
+        }
+        if (status != BW_OK) return status;
+    }
+    return BW_OK;
+}
+
+static bool polygon_has_vertex(const bw_cells *c, bw_polygon p, bw_cvertex v) {
+    bw_half h = c->polygon[p].half;
+    do {
+        if (c->half[h].origin == v) return true;
+        h = c->half[h].next;
+    } while (h != c->polygon[p].half);
+    return false;
+}
+
+static bool cell_has_vertex(const bw_cells *c, bw_cell cell, bw_cvertex v) {
+    for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell))
+        if (polygon_has_vertex(c, p, v)) return true;
+    return false;
+}
+
+/* The cells of a tet, by flooding through its iso-planes; those at the vertex come first. */
+static bw_status cells_at_vertex(bw_fire *f, bw_tet tet, bw_cvertex v, size_t *count) {
+    bw_cells *c = f->cells;
+    bw_status status = bw_reserve(f->ctx, &f->around, &f->around_room, 16);
+    size_t n = 0, at_vertex = 0;
+    if (status != BW_OK) return status;
+    f->around[n++] = tet; /* the first cell of a tet keeps its number */
+    for (size_t i = 0; i < n && status == BW_OK; i++) {
+        bw_cell cell = f->around[i];
+        for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+            if (c->polygon[p].kind != BW_IN_TET) continue;
+            bw_cell to = bw_cells_across(c, p, cell);
+            bool known = false;
+            for (size_t j = 0; j < n && !known; j++) known = f->around[j] == to;
+            if (known) continue;
+            status = bw_reserve(f->ctx, &f->around, &f->around_room, n + 1);
+            if (status == BW_OK) f->around[n++] = to;
+        }
+    }
+    for (size_t i = 0; i < n; i++)
+        if (cell_has_vertex(c, f->around[i], v)) f->around[at_vertex++] = f->around[i];
+    *count = at_vertex;
+    return status;
+}
+
+/* Burns what a cell at a vertex has, or gets by a cut, of a plane through the vertex. */
+static bw_status ignite_cell_at_vertex(bw_fire *f, bw_cell cell, bw_cvertex v, bw_plane plane) {
+    bw_cells *c = f->cells;
+    bw_polygon section;
+    bw_status status = limited_cut(f, cell, plane, &section);
+    if (status != BW_OK || section == BW_NONE) return status;
+    uint8_t heading = (uint8_t)(2 * ((plane.axis + 1) % 3));
+    for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+        bw_plane q = bw_cells_polygon_plane(c, p, c->cell[cell].tet);
+        if (q.axis == plane.axis && q.value == plane.value && !(c->polygon[p].flags & BW_WALL) && polygon_has_vertex(c, p, v))
+            status = burn(f, p, BW_NONE, cell, 0, heading);
+    }
+    return status;
+}
+
+bw_status bw_fire_ignite_vertex(bw_fire *f, bw_vertex vertex, const bw_tet *tets, size_t tet_count, unsigned axes) {
+    const bw_tet_mesh *mesh = f->cells->mesh;
+    bw_status status = BW_OK;
+    bw_transition *chart = bw_alloc(f->ctx, tet_count, sizeof *chart); /* from the first tet's chart */
+    uint8_t *known = bw_alloc(f->ctx, tet_count, 1);
+    if (!chart || !known) status = f->ctx->error.status;
+    if (status == BW_OK) known[0] = 1;
+    for (bool grown = true; grown && status == BW_OK;) { /* carry the chart through the facets at the vertex */
+        grown = false;
+        for (size_t i = 0; i < tet_count; i++)
+            for (size_t j = 0; j < tet_count && known[i]; j++)
+                for (int k = 0; k < 4 && !known[j]; k++) {
+                    bw_facet facet = mesh->tet_facet[tets[i]][k];
+                    if (mesh->tet[tets[i]][k] == vertex || bw_tet_across(mesh, facet, tets[i]) != tets[j]) continue;
+                    bw_transition step = bw_grid_map_across(mesh, f->cells->map, facet, tets[i]);
+                    chart[j] = bw_transition_compose(&step, &chart[i]);
+                    known[j] = 1, grown = true;
+                }
+    }
+    for (int8_t axis = 0; axis < 3; axis++)
+        for (size_t i = 0; i < tet_count && status == BW_OK && axes >> axis & 1; i++) {
+            const int64_t *at = f->cells->map->value[tets[0]][bw_tet_corner(mesh, tets[0], vertex)];
+            bw_plane plane = bw_transition_plane(&chart[i], (bw_plane){at[axis], axis});
+            size_t count;
+            status = cells_at_vertex(f, tets[i], vertex, &count);
+            for (size_t j = 0; j < count && status == BW_OK; j++) status = ignite_cell_at_vertex(f, f->around[j], vertex, plane);
+        }
+    bw_free(f->ctx, chart);
+    bw_free(f->ctx, known);
+    return status;
+}
+
+bw_status bw_fire_ignite_plane(bw_fire *f, bw_cell cell, bw_plane plane) {
+    bw_polygon section;
+    bw_status status = limited_cut(f, cell, plane, &section);
+    if (status != BW_OK || section == BW_NONE || f->cells->polygon[section].flags & BW_WALL) return status;
+    return burn(f, section, BW_NONE, cell, 0, (uint8_t)(2 * ((plane.axis + 1) % 3)));
+}
+
+/* ---- spreading ----------------------------------------------------------------------------------------------------- */
+
+/* MC Algorithm 1 and 2: at most two burnt polygons at the edge. */
+static bool alive(const bw_cells *c, bw_cedge e) {
+    int burnt = 0;
+    bw_half head = c->edge[e].half, h = head;
+    do {
+        burnt += (c->polygon[c->half[h].polygon].flags & BW_WALL) != 0;
+        h = c->half[h].radial;
+    } while (h != head);
+    return burnt <= 2;
+}
+
+static bw_status cross(bw_fire *f, entry x) {
+    bw_cells *c = f->cells;
+    if (!bw_cells_edge_is_leaf(c, x.edge)) {
+        bw_cedge child[2] = {c->edge[x.edge].child[0], c->edge[x.edge].child[1]};
+        for (int i = 0; i < 2; i++) {
+            x.edge = child[i];
+            bw_status status = push(f, x);
+            if (status != BW_OK) return status;
+        }
+        return BW_OK;
+    }
+    if (f->rules.stops_at_walls && !alive(c, x.edge)) return BW_OK;
+    bw_continuation to;
+    bw_polygon from = bw_walk_descendant(c, x.from, x.edge);
+    if (from == BW_NONE || !bw_walk_straight(c, x.edge, from, &to))
+        return bw_fail(f->ctx, BW_E_INTERNAL, "a wall has no continuation across complex edge %d", x.edge);
+    if (to.polygon == BW_NONE) {
+        bw_status status = limited_cut(f, to.cell, to.plane, &to.polygon);
+        if (status != BW_OK) return status;
+    }
+    if (c->polygon[to.polygon].flags & BW_WALL) return BW_OK;
+    return burn(f, to.polygon, x.edge, to.cell, x.distance, turn(to.chart.rotation, x.heading));
+}
+
+bw_status bw_fire_run(bw_fire *f) {
+    bw_status status = BW_OK;
+    for (uint64_t steps = 0; f->count && status == BW_OK; steps++) {
+        status = cross(f, pop(f));
+        if (status == BW_OK && steps % 4096 == 0) {
+            status = bw_poll(f->ctx);
+            bw_progress(f->ctx, (double)steps / (double)(steps + 8 * f->count + 1));
+        }
+    }
+    return status;
+}
