@@ -4,7 +4,7 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-enum { NOT_SET = -2 };
+enum { NOT_SET = -2, FORCED = -3 /* a feature vertex: a node wherever it is on an arc */ };
 
 /* Number of walls around an edge. */
 static int walls_around(const bw_cells *c, bw_cedge e) {
@@ -18,10 +18,12 @@ static int walls_around(const bw_cells *c, bw_cedge e) {
 }
 
 /* A wall passes flat through a regular edge that carries two wall polygons: that these are coplanar is for the check of the blocks'
- * charts to verify. Every other edge with walls is part of an arc, and so are the edges that reduction marked. */
+ * charts to verify. Every other edge with walls is part of an arc, and so are features and the edges that
+ * reduction marked. */
 static bool is_arc_edge(const bw_cells *c, bw_cedge e) {
     int walls = walls_around(c, e);
-    return walls > 2 || (walls > 0 && (walls == 1 || c->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(c, e)));
+    return walls > 2 || (walls > 0 && (walls == 1 || c->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(c, e) ||
+                                       bw_cells_edge_is_feature(c, e)));
 }
 
 /* What all edges of one arc have in common: quarter turns around it, its flags, and its number of walls. */
@@ -35,7 +37,8 @@ static arc_kind kind_of(const bw_cells *c, bw_cedge e) {
     bool boundary = bw_cells_edge_is_boundary(c, e), singular = bw_cells_edge_is_singular(c, e);
     arc_kind k = {.quarters = boundary ? 2 : 4, .walls = walls_around(c, e)};
     if (singular) k.quarters = c->map->quarters[c->edge[e].carrier];
-    k.flags = (uint8_t)((boundary ? BW_ARC_BOUNDARY : 0) | (singular ? BW_ARC_SINGULAR : 0));
+    k.flags = (uint8_t)((boundary ? BW_ARC_BOUNDARY : 0) | (singular ? BW_ARC_SINGULAR : 0) |
+                        (bw_cells_edge_is_feature(c, e) ? BW_ARC_FEATURE : 0));
     return k;
 }
 
@@ -73,9 +76,13 @@ static bool is_node(const bw_cells *c, const fans *f, bw_cvertex v) {
 
 static bw_status number_nodes(bw_build *b, const fans *f) {
     const bw_cells *c = b->cells;
+    const bw_tet_mesh *mesh = c->mesh;
     bw_complex *x = b->complex;
-    for (size_t v = 0; v < c->vertex_count; v++)
-        b->vertex_node[v] = is_node(c, f, (bw_cvertex)v) ? (bw_node)x->node_count++ : BW_NONE;
+    for (size_t i = 0; i < mesh->feature_vertex_count; i++) b->vertex_node[mesh->feature_vertex[i]] = FORCED;
+    for (size_t v = 0; v < c->vertex_count; v++) {
+        bool forced = b->vertex_node[v] == FORCED && f->begin[v + 1] > f->begin[v];
+        b->vertex_node[v] = forced || is_node(c, f, (bw_cvertex)v) ? (bw_node)x->node_count++ : BW_NONE;
+    }
     x->node_vertex = bw_alloc(b->ctx, x->node_count, sizeof *x->node_vertex);
     x->node_flags = bw_alloc(b->ctx, x->node_count, sizeof *x->node_flags);
     if (!x->node_vertex || !x->node_flags) return b->ctx->error.status;
@@ -88,6 +95,10 @@ static bw_status number_nodes(bw_build *b, const fans *f) {
             if (flags & BW_ARC_SINGULAR) x->node_flags[n] |= BW_NODE_SINGULAR;
             if (flags & BW_ARC_BOUNDARY) x->node_flags[n] |= BW_NODE_BOUNDARY;
         }
+    }
+    for (size_t i = 0; i < mesh->feature_vertex_count; i++) {
+        bw_node n = b->vertex_node[mesh->feature_vertex[i]];
+        if (n != BW_NONE) x->node_flags[n] |= BW_NODE_FEATURE;
     }
     return BW_OK;
 }

@@ -297,16 +297,28 @@ static bw_status list_sides(bw_build *b) {
     return BW_OK;
 }
 
-static void mark_singular_patches(bw_complex *x) {
+/* Patches that reduction has to know: those with a singular arc on their rim, and those at a feature node that no singular or feature
+ * arc holds in place; without its walls such a node would vanish. */
+static bw_status mark_patches(bw_build *b) {
+    bw_complex *x = b->complex;
+    uint8_t *held = bw_alloc(b->ctx, x->node_count, 1);
+    if (!held) return b->ctx->error.status;
+    for (size_t a = 0; a < x->arc_count; a++)
+        for (int i = 0; i < 2 && x->arc_flags[a] & (BW_ARC_SINGULAR | BW_ARC_FEATURE); i++) held[x->arc_node[a][i]] = 1;
     for (size_t k = 0; k < 4 * x->patch_count; k++)
-        for (size_t i = x->patch_chain_begin[k]; i < x->patch_chain_begin[k + 1]; i++)
+        for (size_t i = x->patch_chain_begin[k]; i < x->patch_chain_begin[k + 1]; i++) {
+            bw_node n = bw_arc_use_start(x, x->patch_chain[i]);
             if (x->arc_flags[x->patch_chain[i] >> 1] & BW_ARC_SINGULAR) x->patch_flags[k / 4] |= BW_PATCH_SINGULAR;
+            if (x->node_flags[n] & BW_NODE_FEATURE && !held[n]) x->patch_flags[k / 4] |= BW_PATCH_FEATURE;
+        }
+    bw_free(b->ctx, held);
+    return BW_OK;
 }
 
 bw_status bw_build_chains(bw_build *b) {
     bw_status status = build_patch_chains(b);
     if (status == BW_OK) status = build_block_edges(b);
     if (status == BW_OK) status = list_sides(b);
-    if (status == BW_OK) mark_singular_patches(b->complex);
+    if (status == BW_OK) status = mark_patches(b);
     return status;
 }

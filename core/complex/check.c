@@ -5,6 +5,7 @@
  *  edges     of 90 degrees: every arc that a block touches lies along an edge of the block or inside a side of it
  *  patches   are rectangles: their chains form a closed walk, opposite sides are equally long
  *  regular   every singular edge is part of an arc
+ *  features  facets are walls, edges are parts of arcs, vertices are nodes
  *  topology  nodes - arcs + patches - blocks is the Euler characteristic of the mesh
  *  volume    the volumes of all boxes add up to that of the map. The chart of a block is a local homeomorphism onto its box that takes
  *            boundary to boundary, hence a covering of one or more sheets; equal sums mean one sheet each.
@@ -154,6 +155,29 @@ static bw_status check_singular(const checker *k) {
     return status;
 }
 
+/* Features end on walls, arcs and nodes. */
+static bw_status check_features(const checker *k) {
+    const bw_cells *c = k->cells;
+    const bw_tet_mesh *m = c->mesh;
+    const bw_complex *x = k->x;
+    for (size_t p = 0; p < c->polygon_count; p++)
+        if (c->polygon[p].child[0] == BW_NONE && c->polygon[p].flags & BW_FEATURE && !(c->polygon[p].flags & BW_WALL))
+            return VIOLATED(k, "a feature facet is no wall (facet %d)", c->polygon[p].carrier);
+    if (m->feature_edge_count + m->feature_vertex_count == 0) return BW_OK;
+    uint8_t *edge_on_arc = bw_alloc(k->ctx, c->edge_count, 1), *vertex_is_node = bw_alloc(k->ctx, c->vertex_count, 1);
+    bw_status status = k->ctx->error.status;
+    for (size_t i = 0; status == BW_OK && i < x->arc_edge_begin[x->arc_count]; i++) edge_on_arc[x->arc_edge[i]] = 1;
+    for (size_t i = 0; status == BW_OK && i < x->node_count; i++) vertex_is_node[x->node_vertex[i]] = 1;
+    for (size_t e = 0; status == BW_OK && e < c->edge_count; e++)
+        if (bw_cells_edge_is_leaf(c, (bw_cedge)e) && bw_cells_edge_is_feature(c, (bw_cedge)e) && !edge_on_arc[e])
+            status = VIOLATED(k, "the feature edge %d is no part of an arc", c->edge[e].carrier);
+    for (size_t i = 0; status == BW_OK && i < m->feature_vertex_count; i++)
+        if (!vertex_is_node[m->feature_vertex[i]]) status = VIOLATED(k, "the feature vertex %d is no node", m->feature_vertex[i]);
+    bw_free(k->ctx, edge_on_arc);
+    bw_free(k->ctx, vertex_is_node);
+    return status;
+}
+
 static bw_status check_topology(const checker *k) {
     const bw_tet_mesh *m = k->cells->mesh;
     const bw_complex *x = k->x;
@@ -206,6 +230,7 @@ bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_comp
     if (status == BW_OK) status = check_charts(&k);
     if (status == BW_OK) status = check_inside(&k);
     if (status == BW_OK) status = check_singular(&k);
+    if (status == BW_OK) status = check_features(&k);
     if (status == BW_OK) status = check_topology(&k);
     if (status == BW_OK) status = check_volume(&k);
     return status;

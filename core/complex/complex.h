@@ -29,7 +29,7 @@ enum {
     BW_PATCH_BOUNDARY = 1,
     BW_PATCH_SINGULAR = 2, /* a rim arc is singular */
     BW_PATCH_TORUS = 4,    /* made by torus splitting */
-    BW_PATCH_FEATURE = 8
+    BW_PATCH_FEATURE = 8   /* holds a feature facet, or a feature node that nothing else holds: reduction keeps it */
 };
 
 /* An arc as part of a chain: arc index * 2 + 1 if walked from its second node to its first. */

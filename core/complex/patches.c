@@ -42,6 +42,7 @@ static bw_status describe(bw_build *b, bw_patch patch) {
         const bw_cell_polygon *q = &c->polygon[list[i]];
         if (q->distance < x->patch_distance[patch]) x->patch_distance[patch] = q->distance;
         if (q->flags & BW_BOUNDARY) x->patch_flags[patch] |= BW_PATCH_BOUNDARY;
+        if (q->flags & BW_FEATURE) x->patch_flags[patch] |= BW_PATCH_FEATURE;
         if (q->flags & BW_SPLIT) x->patch_flags[patch] |= BW_PATCH_TORUS;
         for (int s = 0; s < 2; s++) {
             int slot = b->polygon_slot[list[i]] ^ s;

@@ -301,6 +301,21 @@ static void rectangle_beside(bw_reduction *r, bw_patch q, int q_slot, bw_patch p
     }
 }
 
+/* Whether a feature arc lies between two patches: it has to stay between them. */
+static bool feature_between(bw_reduction *r, bw_patch a, bw_patch b) {
+    bw_patch p = b;
+    do {
+        for (size_t i = r->x->patch_chain_begin[4 * p]; i < r->x->patch_chain_begin[4 * p + 4]; i++) {
+            bw_arc arc = r->x->patch_chain[i] >> 1;
+            if (!(r->x->arc_flags[arc] & BW_ARC_FEATURE)) continue;
+            for (size_t j = r->rim_begin[arc]; j < r->rim_begin[arc + 1]; j++)
+                if (find_patch(r, r->rim[j]) == a) return true;
+        }
+        p = r->patch[p].next;
+    } while (p != b);
+    return false;
+}
+
 /* Joins two patches beside an arc that two walls pass flat, if their union is a rectangle: always, inside; on the boundary it may be
  * L-shaped, and the arc stays. */
 static bool merge_patches(bw_reduction *r, bw_patch p, bw_patch q) {
@@ -310,7 +325,7 @@ static bool merge_patches(bw_reduction *r, bw_patch p, bw_patch q) {
     patch_set *x = &r->patch[a], *y = &r->patch[b];
     touch t = touching(r, a, 0), same[2] = {touching(r, b, 0), touching(r, b, 1)};
     int slot = same[0].block == t.block && same[0].side == t.side ? 0 : 1, axis = r->x->patch_side[a][0] >> 1;
-    if (same[slot].block != t.block || same[slot].side != t.side) return false;
+    if (same[slot].block != t.block || same[slot].side != t.side || feature_between(r, a, b)) return false;
     int64_t low[3], high[3];
     rectangle_beside(r, b, slot, a, 0, low, high);
     for (int k = 0; k < 3; k++) {

@@ -58,7 +58,7 @@ typedef struct {
 } bw_cell_half;
 
 enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds rectangles (MC 5.4) */ };
-enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */ };
+enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */, BW_FEATURE = 8 };
 
 typedef struct {
     bw_plane plane;        /* kind BW_IN_TET: iso-plane in the tet's chart; else axis is -1 unless the facet is aligned, then chart of facet_tet[0] */
@@ -129,6 +129,9 @@ static inline bw_edge bw_cells_mesh_edge(const bw_cells *cells, bw_cedge e) {
 }
 static inline bool bw_cells_edge_is_singular(const bw_cells *cells, bw_cedge e) {
     return cells->edge[e].kind == BW_IN_EDGE && (cells->map->edge_flags[cells->edge[e].carrier] & BW_EDGE_SINGULAR);
+}
+static inline bool bw_cells_edge_is_feature(const bw_cells *cells, bw_cedge e) {
+    return cells->edge[e].kind == BW_IN_EDGE && (cells->map->edge_flags[cells->edge[e].carrier] & BW_EDGE_FEATURE);
 }
 bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e);
 /* The plane of a polygon in the chart of `tet`, one of the tets it lies in; axis -1 if it is in no iso-plane. */

@@ -264,6 +264,13 @@ bw_status bw_fire_ignite_vertex(bw_fire *f, bw_vertex vertex, const bw_tet *tets
     return status;
 }
 
+bw_status bw_fire_ignite_polygon(bw_fire *f, bw_polygon p) {
+    if (f->cells->polygon[p].flags & BW_WALL) return BW_OK;
+    bw_cell cell = f->cells->polygon[p].cell[0];
+    bw_plane plane = bw_cells_polygon_plane(f->cells, p, f->cells->cell[cell].tet);
+    return burn(f, p, BW_NONE, cell, 0, (uint8_t)(2 * ((plane.axis + 1) % 3)));
+}
+
 bw_status bw_fire_ignite_plane(bw_fire *f, bw_cell cell, bw_plane plane) {
     bw_polygon section;
     bw_status status = limited_cut(f, cell, plane, &section);

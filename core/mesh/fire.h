@@ -43,6 +43,8 @@ bw_status bw_fire_ignite_edge(bw_fire *fire, bw_cedge edge);
 /* Sets fire to the iso-surfaces of the axes in `axes` (bit k: axis k of the chart of `tet`) through a vertex of the tet mesh, all around it.
  * `tets` lists the tets at the vertex, `tet` first. The vertex must be regular. */
 bw_status bw_fire_ignite_vertex(bw_fire *fire, bw_vertex vertex, const bw_tet *tets, size_t tet_count, unsigned axes);
+/* Burns an aligned polygon (a leaf) at distance 0. */
+bw_status bw_fire_ignite_polygon(bw_fire *fire, bw_polygon polygon);
 /* Sets fire to one iso-surface at the polygon in which a plane (chart of the cell's tet) cuts a cell. */
 bw_status bw_fire_ignite_plane(bw_fire *fire, bw_cell cell, bw_plane plane);
 /* Burns until nothing is alight. Polls for cancellation and reports progress. */

@@ -182,19 +182,22 @@ static void add_turn(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_tet t, 
 
 static bw_status classify_edges(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_map *map, const edge_turns *turns) {
     size_t bad = 0;
+    bool oblique_feature = false;
     for (size_t e = 0; e < mesh->edge_count; e++) {
         bool boundary = map->edge_flags[e] & BW_EDGE_BOUNDARY;
         long regular = boundary ? 2 : 4;
         long twelfths = turns->oblique[e] ? lround(turns->angle[e] / (M_PI / 6)) : 3L * turns->rays[e];
         map->quarters[e] = (uint16_t)(twelfths / 3);
-        if (twelfths == 3 * regular) continue;
-        map->edge_flags[e] |= BW_EDGE_SINGULAR;
-        if (!turns->oblique[e]) continue;
+        bool singular = twelfths != 3 * regular;
+        if (singular) map->edge_flags[e] |= BW_EDGE_SINGULAR;
+        if (!turns->oblique[e] || !(map->edge_flags[e] & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE))) continue;
+        oblique_feature |= !singular;
         double centre[3];
         bw_edge_centre(mesh, (bw_edge)e, centre);
         bw_fail_element(ctx, "edge", (int64_t)e, centre);
         bad++;
     }
+    if (bad && oblique_feature) return bw_fail(ctx, BW_E_NOT_ALIGNED, "%zu feature or singular edges are not aligned on the grid", bad);
     return bad ? bw_fail(ctx, BW_E_SINGULAR, "%zu singular edges are not aligned", bad) : BW_OK;
 }
 
@@ -220,6 +223,32 @@ static bw_status derive_edges(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_
     return status;
 }
 
+static bool facet_is_aligned(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_facet f) {
+    int64_t u[3][3];
+    bool aligned = false;
+    facet_values(mesh, map, f, mesh->facet_tet[f][0], u);
+    for (int k = 0; k < 3; k++) aligned = aligned || (u[0][k] == u[1][k] && u[0][k] == u[2][k]);
+    return aligned;
+}
+
+static bw_status derive_features(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_map *map) {
+    for (size_t i = 0; i < mesh->feature_facet_count; i++) {
+        bw_facet f = bw_tet_mesh_find_facet(mesh, mesh->feature_facet[i]);
+        if (f == BW_NONE) return bw_fail(ctx, BW_E_INDEX, "feature facet %zu is no facet of the mesh", i);
+        if (facet_is_aligned(mesh, map, f)) continue;
+        double centre[3];
+        bw_facet_centre(mesh, f, centre);
+        bw_fail_element(ctx, "facet", f, centre);
+        return bw_fail(ctx, BW_E_NOT_ALIGNED, "feature facet %zu is not aligned on the grid", i);
+    }
+    for (size_t i = 0; i < mesh->feature_edge_count; i++) {
+        bw_edge e = bw_tet_mesh_find_edge(mesh, mesh->feature_edge[i]);
+        if (e == BW_NONE) return bw_fail(ctx, BW_E_INDEX, "feature edge %zu is no edge of the mesh", i);
+        map->edge_flags[e] |= BW_EDGE_FEATURE;
+    }
+    return BW_OK;
+}
+
 bw_status bw_grid_map_derive(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_map *map) {
     bw_free(ctx, map->transition), bw_free(ctx, map->align), bw_free(ctx, map->quarters), bw_free(ctx, map->edge_flags);
     map->transition = bw_alloc(ctx, mesh->facet_count, sizeof *map->transition);
@@ -230,6 +259,7 @@ bw_status bw_grid_map_derive(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_m
     if (status == BW_OK) status = check_range(ctx, mesh, map);
     if (status == BW_OK) status = check_orientation(ctx, mesh, map);
     if (status == BW_OK) status = derive_facets(ctx, mesh, map);
+    if (status == BW_OK) status = derive_features(ctx, mesh, map);
     if (status == BW_OK) status = derive_edges(ctx, mesh, map);
     return status;
 }

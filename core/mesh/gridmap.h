@@ -7,6 +7,7 @@
  *  4. A boundary facet is constant in axis align[f] (chart of facet_tet[f][0]).
  *  5. quarters[e] is the parametric angle around edge e in quarter turns; an edge whose angle is not the regular one
  *     (4 inside, 2 on the boundary) is singular and constant in two axes.
+ *  6. Feature facets of the mesh are constant in an axis, feature edges in two.
  */
 #ifndef BW_MESH_GRIDMAP_H
 #define BW_MESH_GRIDMAP_H
@@ -16,7 +17,7 @@
 
 #define BW_GRID_MAX ((int64_t)1 << 46)
 
-enum { BW_EDGE_BOUNDARY = 1, BW_EDGE_SINGULAR = 2 };
+enum { BW_EDGE_BOUNDARY = 1, BW_EDGE_SINGULAR = 2, BW_EDGE_FEATURE = 4 };
 
 typedef struct {
     int32_t exponent;

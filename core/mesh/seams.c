@@ -121,38 +121,6 @@ static double find_axis(finder *w, bw_facet f) {
     return relative;
 }
 
-static int compare_facets(const void *a, const void *b) {
-    const bw_vertex *x = a, *y = b;
-    for (int i = 0; i < 3; i++)
-        if (x[i] != y[i]) return x[i] < y[i] ? -1 : 1;
-    return 0;
-}
-
-static int compare_edges(const void *a, const void *b) {
-    const bw_vertex *x = a, *y = b;
-    return x[0] != y[0] ? (x[0] < y[0] ? -1 : 1) : (x[1] > y[1]) - (x[1] < y[1]);
-}
-
-/* Facet of three vertices in any order; BW_NONE if there is none. */
-static bw_facet find_facet(const bw_tet_mesh *mesh, const bw_vertex vertex[3]) {
-    bw_vertex key[3] = {vertex[0], vertex[1], vertex[2]};
-    for (int i = 0; i < 3; i++)
-        for (int j = i + 1; j < 3; j++)
-            if (key[j] < key[i]) {
-                bw_vertex swap = key[i];
-                key[i] = key[j], key[j] = swap;
-            }
-    bw_vertex(*at)[3] = bsearch(key, mesh->facet, mesh->facet_count, sizeof key, compare_facets);
-    return at ? (bw_facet)(at - mesh->facet) : BW_NONE;
-}
-
-static bw_edge find_edge(const bw_tet_mesh *mesh, const bw_vertex vertex[2]) {
-    bool flip = vertex[0] > vertex[1];
-    bw_vertex key[2] = {vertex[flip], vertex[!flip]};
-    bw_vertex(*at)[2] = bsearch(key, mesh->edge, mesh->edge_count, sizeof key, compare_edges);
-    return at ? (bw_edge)(at - mesh->edge) : BW_NONE;
-}
-
 static size_t align_facet(finder *w, bw_facet f) {
     double defect = find_axis(w, f);
     w->seams->alignment = fmax(w->seams->alignment, defect);
@@ -168,7 +136,7 @@ static bw_status find_alignment(finder *w) {
         if (w->mesh->facet_tet[f][1] == BW_NONE) bad += align_facet(w, (bw_facet)f);
     }
     for (size_t i = 0; i < w->mesh->feature_facet_count; i++) {
-        bw_facet f = find_facet(w->mesh, w->mesh->feature_facet[i]);
+        bw_facet f = bw_tet_mesh_find_facet(w->mesh, w->mesh->feature_facet[i]);
         if (f == BW_NONE) return bw_fail(w->ctx, BW_E_INDEX, "feature facet %zu is no facet of the mesh", i);
         if (w->seams->align[f] < 0) bad += align_facet(w, f);
     }
@@ -337,7 +305,7 @@ static bw_status find_hinges(finder *w) {
 static bw_status find_feature_edges(finder *w) {
     size_t bad = 0;
     for (size_t i = 0; i < w->mesh->feature_edge_count; i++) {
-        bw_edge e = find_edge(w->mesh, w->mesh->feature_edge[i]);
+        bw_edge e = bw_tet_mesh_find_edge(w->mesh, w->mesh->feature_edge[i]);
         if (e == BW_NONE) return bw_fail(w->ctx, BW_E_INDEX, "feature edge %zu is no edge of the mesh", i);
         for (bw_hinge h = w->hinges->first[e]; h < w->hinges->first[e + 1]; h++) {
             int64_t vector[3];

@@ -153,6 +153,28 @@ bw_status bw_tet_mesh_connect(bw_context *ctx, bw_tet_mesh *mesh) {
     return status;
 }
 
+static int compare_vertices(const bw_vertex *a, const bw_vertex *b, int n) {
+    for (int i = 0; i < n; i++)
+        if (a[i] != b[i]) return a[i] < b[i] ? -1 : 1;
+    return 0;
+}
+static int compare_facets(const void *a, const void *b) { return compare_vertices(a, b, 3); }
+static int compare_edges(const void *a, const void *b) { return compare_vertices(a, b, 2); }
+
+bw_facet bw_tet_mesh_find_facet(const bw_tet_mesh *mesh, const bw_vertex vertex[3]) {
+    bw_vertex key[3] = {vertex[0], vertex[1], vertex[2]};
+    sort_key(key, 3);
+    bw_vertex(*at)[3] = bsearch(key, mesh->facet, mesh->facet_count, sizeof key, compare_facets);
+    return at ? (bw_facet)(at - mesh->facet) : BW_NONE;
+}
+
+bw_edge bw_tet_mesh_find_edge(const bw_tet_mesh *mesh, const bw_vertex vertex[2]) {
+    bw_vertex key[2] = {vertex[0], vertex[1]};
+    sort_key(key, 2);
+    bw_vertex(*at)[2] = bsearch(key, mesh->edge, mesh->edge_count, sizeof key, compare_edges);
+    return at ? (bw_edge)(at - mesh->edge) : BW_NONE;
+}
+
 void bw_tet_mesh_clear(bw_context *ctx, bw_tet_mesh *mesh) {
     void *blocks[] = {mesh->position, mesh->tet, mesh->parameter, mesh->tet_facet, mesh->tet_edge,
                       mesh->facet, mesh->facet_tet, mesh->edge, mesh->wall, mesh->wall_distance,

@@ -51,6 +51,10 @@ extern const uint8_t bw_tet_edge_of[4][4]; /* local edge between two corners (un
 bw_status bw_tet_mesh_connect(bw_context *ctx, bw_tet_mesh *mesh);
 void bw_tet_mesh_clear(bw_context *ctx, bw_tet_mesh *mesh);
 
+/* The facet or edge with these vertices, in any order; BW_NONE if the mesh has none. O(log n). */
+bw_facet bw_tet_mesh_find_facet(const bw_tet_mesh *mesh, const bw_vertex vertex[3]);
+bw_edge bw_tet_mesh_find_edge(const bw_tet_mesh *mesh, const bw_vertex vertex[2]);
+
 /* Local corner of `vertex` in `tet`; -1 if it is not one. */
 static inline int bw_tet_corner(const bw_tet_mesh *mesh, bw_tet tet, bw_vertex vertex) {
     for (int i = 0; i < 4; i++)
