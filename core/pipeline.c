@@ -8,7 +8,7 @@
 #include <time.h>
 
 #include "blockwright.h"
-#include "format/hexex.h"
+#include "format/input.h"
 #include "format/state.h"
 #include "stage/build.h"
 #include "stage/encode.h"
@@ -71,14 +71,62 @@ static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state 
 static const char *const reduce_names[] = {"none", "keep-singular", "full"};
 static const char *const self_adjacent_names[] = {"allow", "split"};
 
+/* Another complex of the same map, reduced: cells and blocks side by side with the state's own. */
+typedef struct {
+    bw_cells cells;
+    bw_complex complex;
+    bw_reduce_report found;
+} alternative;
+
+/* Reduction from the base complex (MC 4.2, remark) sometimes ends with fewer blocks than from the motorcycle complex. It may be far larger, so
+ * it is given a few times the cells; if that is not enough there is no alternative, which is no failure of the job. */
+static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw_state *state, const bw_reduce_options *how,
+                                  alternative *other) {
+    bw_context apart = *ctx; /* its own error; the same budget, handed back below */
+    uint64_t limit = 8 * (uint64_t)state->cells.cell_count;
+    if (limit > options->max_cells) limit = options->max_cells;
+    bw_build_options build = {limit, how->split_self_adjacent};
+    bw_status status = bw_cells_init(&apart, &other->cells, &state->mesh, &state->map);
+    if (status == BW_OK) status = bw_trace(&apart, &other->cells, BW_COMPLEX_BC, limit);
+    if (status == BW_OK) status = bw_build_complex(&apart, &other->cells, &build, &other->complex);
+    if (status == BW_OK) status = bw_reduce(&apart, &other->cells, &other->complex, how, &other->found);
+    if (status == BW_OK) status = bw_cells_check(&apart, &other->cells);
+    ctx->memory = apart.memory;
+    if (status != BW_OK && status != BW_E_LIMIT && status != BW_E_MEMORY) ctx->error = apart.error;
+    return status == BW_E_LIMIT || status == BW_E_MEMORY ? BW_E_LIMIT : status;
+}
+
+static bw_status take_if_better(bw_context *ctx, const bw_options *options, bw_state *state, const bw_reduce_options *how,
+                                bw_reduce_report *found, bool *taken) {
+    alternative *other = bw_alloc(ctx, 1, sizeof *other);
+    if (!other) return ctx->error.status;
+    bw_status status = try_base_complex(ctx, options, state, how, other);
+    *taken = status == BW_OK && other->found.blocks < found->blocks;
+    if (*taken) {
+        bw_cells cells = state->cells;
+        bw_complex complex = state->complex;
+        state->cells = other->cells, state->complex = other->complex, *found = other->found;
+        other->cells = cells, other->complex = complex;
+    }
+    bw_complex_clear(ctx, &other->complex);
+    bw_cells_clear(ctx, &other->cells);
+    bw_free(ctx, other);
+    return status == BW_E_LIMIT ? BW_OK : status;
+}
+
 static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bw_reduce_options how = {options->reduce, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, options->effort};
     bw_reduce_report found;
+    bool from_base = options->complex == BW_COMPLEX_BC;
     bw_status status = bw_reduce(ctx, &state->cells, &state->complex, &how, &found);
     if (status != BW_OK || options->reduce == BW_REDUCE_NONE) return status;
+    if (options->effort >= 2 && !from_base) status = take_if_better(ctx, options, state, &how, &found, &from_base);
+    if (status != BW_OK) return status;
     bw_report_fill_trace(&state->report, &state->cells);
     bw_report_fill_reduced(&state->report, &state->complex, reduce_names[options->reduce]);
+    snprintf(state->report.complex.reduced.from, sizeof state->report.complex.reduced.from, "%s",
+             complex_name(from_base ? BW_COMPLEX_BC : BW_COMPLEX_MC));
     state->report.complex.reduced.effort = (uint64_t)options->effort;
     state->report.complex.reduced.orders_tried = found.runs;
     state->report.complex.reduced.blocks_farthest_first = found.blocks_farthest_first;
@@ -204,14 +252,14 @@ static void end_stage(bw_context *ctx, bw_report *report, double since) {
     if (ctx->error.status == BW_OK) bw_progress(ctx, 1);
 }
 
-static bw_status load(bw_context *ctx, const char *input, bw_state *state) {
+static bw_status load(bw_context *ctx, const bw_options *options, const char *input, bw_state *state) {
     double since = begin_stage(ctx, "load");
     struct stat info;
     const char *slash = strrchr(input, '/');
     if (strncmp(input, "/proc/", 6) && strncmp(input, "/dev/", 5)) /* a descriptor has no name worth keeping */
         snprintf(state->report.input.file, sizeof state->report.input.file, "%s", slash ? slash + 1 : input);
     if (stat(input, &info) == 0) state->report.input.bytes = (uint64_t)info.st_size;
-    bw_status status = bw_hexex_read(ctx, input, &state->mesh);
+    bw_status status = bw_input_read(ctx, input, options->parameters, &state->mesh);
     end_stage(ctx, &state->report, since);
     return status;
 }
@@ -244,7 +292,7 @@ bw_status bw_run(bw_context *ctx, const bw_options *options, const char *input, 
     bw_state_init(state);
     bw_status status = make_folder(ctx, out);
     if (status == BW_OK) {
-        status = load(ctx, input, state);
+        status = load(ctx, options, input, state);
         for (int s = 0; s <= (int)options->until && status == BW_OK; s++) status = run_stage(ctx, options, (bw_stage)s, state, out);
         bw_status written = write_report(ctx, state, out);
         if (status == BW_OK) status = written;
@@ -259,7 +307,7 @@ bw_status bw_stage_run(bw_context *ctx, const bw_options *options, bw_stage stag
     if (!state) return bw_fail(ctx, BW_E_MEMORY, "no memory for the job");
     bw_state_init(state);
     bw_status status;
-    if (stage == BW_STAGE_SANITIZE) status = load(ctx, input, state);
+    if (stage == BW_STAGE_SANITIZE) status = load(ctx, options, input, state);
     else status = bw_state_read(ctx, state, stages[stage - 1].name, stages[stage - 1].version, input);
     if (stage == BW_STAGE_ENCODE && status == BW_OK) status = make_folder(ctx, output);
     if (status == BW_OK) status = run_stage(ctx, options, stage, state, output);

@@ -75,6 +75,7 @@ static const field fields[] = {
     RAW(COUNT, boundary_patches),
     RAW(COUNT, self_adjacent_patches),
     REDUCED(TEXT, mode),
+    REDUCED(TEXT, from),
     REDUCED(COUNT, nodes),
     REDUCED(COUNT, arcs),
     REDUCED(COUNT, patches),

@@ -66,6 +66,7 @@ typedef struct {
         } raw;
         struct { /* after wall retraction */
             char mode[16]; /* "keep-singular" or "full" */
+            char from[8];  /* the complex that was reduced: "mc" or "bc" */
             uint64_t nodes, arcs, patches, blocks, t_arcs;
             uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
             uint64_t effort, orders_tried, patches_removed;
