@@ -174,7 +174,9 @@ static int numbers_of(bw_word type) {
     return 0;
 }
 
+/* Whether the next property begins here: no value begins with a capital. */
 static bool ends_properties(const bw_scan *s) {
+    if (*s->at < 'A' || *s->at > 'Z') return false;
     for (int i = 0; i < OWNERS; i++)
         if (bw_word_starts((bw_word){s->at, bw_scan_left(s)}, titles[i])) return true;
     return false;
@@ -194,6 +196,7 @@ static bw_status pass_values(reader *r, uint64_t count) {
     bw_word word;
     bw_status status = bw_scan_count(&r->scan, "values", (int64_t)count, INT64_MAX, 2);
     for (uint64_t i = 0; i < count && status == BW_OK; i++) {
+        if (bw_scan_blanks(&r->scan) && ends_properties(&r->scan)) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "values are missing before this property");
         status = bw_scan_word(&r->scan, &word);
         if (status == BW_OK && i % 65536 == 0) status = bw_poll(r->ctx);
     }

@@ -6,7 +6,11 @@
 
 #include "format/input_mesh.h"
 
-enum { BLOCK = 256 }; /* values converted at a time */
+enum { BLOCK = 256 }; /* values converted at a time; of text one, so that errors tell their line */
+
+static size_t block_of(bw_vtk_format format, size_t left) {
+    return format.coding == BW_VTK_TEXT ? 1 : left < BLOCK ? left : BLOCK;
+}
 
 /* ---- values ------------------------------------------------------------------------------------------------------ */
 
@@ -129,16 +133,21 @@ bw_status bw_vtk_read_corners(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, 
     if (status != BW_OK) return status;
     if (!(g->corner = bw_alloc(g->ctx, (size_t)count, sizeof *g->corner))) return g->ctx->error.status;
     g->corner_count = (size_t)count;
-    for (size_t i = 0; i < (size_t)count && status == BW_OK; i += BLOCK) {
+    size_t cell = 0; /* the ends come before the corners */
+    for (size_t i = 0, n; i < (size_t)count && status == BW_OK; i += n) {
         int64_t value[BLOCK];
-        size_t n = (size_t)count - i < BLOCK ? (size_t)count - i : BLOCK;
-        status = bw_scan_record(s, NULL, (int64_t)i);
+        n = block_of(format, (size_t)count - i);
+        while (cell < g->cell_count && g->begin[cell + 1] <= i) cell++;
+        status = bw_scan_record(s, "cell", (int64_t)cell);
         if (status == BW_OK) status = bw_vtk_wholes(s, format, n, value);
         for (size_t k = 0; k < n && status == BW_OK; k++) {
+            while (cell < g->cell_count && g->begin[cell + 1] <= i + k) cell++;
+            s->record = (int64_t)cell;
             status = bw_scan_check_index(s, value[k], 0, g->mesh->vertex_count);
             g->corner[i + k] = (bw_vertex)value[k];
         }
     }
+    if (status == BW_OK) s->kind = NULL;
     return status;
 }
 
@@ -148,9 +157,9 @@ bw_status bw_vtk_read_ends(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, int
     if (!(g->begin = bw_alloc(g->ctx, (size_t)cells + 1, sizeof *g->begin))) return g->ctx->error.status;
     g->cell_count = (size_t)cells;
     size_t first = with_zero ? 0 : 1;
-    for (size_t i = first; i <= (size_t)cells && status == BW_OK; i += BLOCK) {
+    for (size_t i = first, n; i <= (size_t)cells && status == BW_OK; i += n) {
         int64_t value[BLOCK];
-        size_t n = (size_t)cells + 1 - i < BLOCK ? (size_t)cells + 1 - i : BLOCK;
+        n = block_of(format, (size_t)cells + 1 - i);
         if ((status = bw_vtk_wholes(s, format, n, value)) != BW_OK) break;
         for (size_t k = 0; k < n && status == BW_OK; k++) {
             int64_t before = i + k ? (int64_t)g->begin[i + k - 1] : 0;
@@ -172,12 +181,12 @@ bw_status bw_vtk_read_types(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format) {
     bw_status status = bw_vtk_check_count(s, format, "cell types", (int64_t)g->cell_count);
     if (status != BW_OK) return status;
     if (!(g->type = bw_alloc(g->ctx, g->cell_count, 1))) return g->ctx->error.status;
-    for (size_t i = 0; i < g->cell_count && status == BW_OK; i += BLOCK) {
+    for (size_t i = 0, n; i < g->cell_count && status == BW_OK; i += n) {
         int64_t value[BLOCK];
-        size_t n = g->cell_count - i < BLOCK ? g->cell_count - i : BLOCK;
+        n = block_of(format, g->cell_count - i);
         status = bw_vtk_wholes(s, format, n, value);
         for (size_t k = 0; k < n && status == BW_OK; k++) g->type[i + k] = (uint8_t)(value[k] < 0 || value[k] > 255 ? 255 : value[k]);
-        if (status == BW_OK) status = bw_poll(g->ctx);
+        if (status == BW_OK) status = bw_scan_record(s, NULL, (int64_t)i);
     }
     return status;
 }

@@ -67,7 +67,7 @@ bw_status bw_vtk_pass(bw_scan *s, bw_vtk_format format, uint64_t count);
 
 /* Sections of a grid, each read from a scan that stands at its first value; counts have not been checked. */
 bw_status bw_vtk_read_points(bw_vtk_grid *grid, bw_scan *s, bw_vtk_format format, int64_t count);
-/* Corners of all cells in one list, after the points. */
+/* Corners of all cells in one list, after the points and the ends. */
 bw_status bw_vtk_read_corners(bw_vtk_grid *grid, bw_scan *s, bw_vtk_format format, int64_t count);
 /* Where each cell's corners end in that list; with_zero: a 0 comes first (legacy). */
 bw_status bw_vtk_read_ends(bw_vtk_grid *grid, bw_scan *s, bw_vtk_format format, int64_t cells, bool with_zero);

@@ -1,0 +1,64 @@
+/* The documented examples of input formats (api/examples/formats) are one and the same mesh, and it goes through the pipeline. */
+#include "kit/kit.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "format/input.h"
+#include "stage/sanitize.h"
+
+#define FOLDER BW_SOURCE_DIR "/api/examples/formats/"
+
+static bw_context ctx;
+
+static void expect_same(const bw_tet_mesh *a, const bw_tet_mesh *b) {
+    assert_int_equal(a->vertex_count, b->vertex_count);
+    assert_int_equal(a->tet_count, b->tet_count);
+    assert_memory_equal(a->position, b->position, a->vertex_count * sizeof *a->position);
+    assert_memory_equal(a->tet, b->tet, a->tet_count * sizeof *a->tet);
+    assert_memory_equal(a->parameter, b->parameter, a->tet_count * sizeof *a->parameter);
+    assert_int_equal(a->feature_vertex_count, 1);
+    assert_int_equal(b->feature_vertex_count, 1);
+    assert_int_equal(b->feature_edge_count, 1);
+    assert_int_equal(b->feature_facet_count, 2);
+    assert_int_equal(a->feature_vertex[0], b->feature_vertex[0]);
+    assert_memory_equal(a->feature_edge, b->feature_edge, sizeof *a->feature_edge);
+}
+
+static void all_examples_are_the_same_mesh(void **state) {
+    (void)state;
+    static const char *const names[] = {"cube.vtk", "cube.vtu", "cube.msh", "cube.mesh", "cube.ovm"};
+    bw_tet_mesh wanted, got;
+    bw_context_init(&ctx);
+    kit_expect_ok(&ctx, bw_input_read(&ctx, FOLDER "cube.hexex", NULL, &wanted));
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[500];
+        snprintf(path, sizeof path, FOLDER "%s", names[i]);
+        bool medit = !strcmp(names[i], "cube.mesh");
+        kit_expect_ok(&ctx, bw_input_read(&ctx, path, medit ? FOLDER "cube.parameters" : NULL, &got));
+        expect_same(&wanted, &got);
+        bw_tet_mesh_clear(&ctx, &got);
+    }
+    bw_tet_mesh_clear(&ctx, &wanted);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
+static void the_example_is_a_seamless_map(void **state) {
+    (void)state;
+    bw_tet_mesh mesh;
+    bw_grid_map map = {0};
+    bw_sanitize_report report;
+    bw_context_init(&ctx);
+    kit_expect_ok(&ctx, bw_input_read(&ctx, FOLDER "cube.vtu", NULL, &mesh));
+    kit_expect_ok(&ctx, bw_sanitize(&ctx, 0, &mesh, &map, &report));
+    assert_true(report.already_exact);
+    bw_grid_map_clear(&ctx, &map);
+    bw_tet_mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(all_examples_are_the_same_mesh),
+    cmocka_unit_test(the_example_is_a_seamless_map),
+};
+KIT_MAIN(tests)
