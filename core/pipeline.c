@@ -135,8 +135,7 @@ static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    (void)options;
-    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, &state->report, out);
+    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, options->vtk, &state->report, out);
 }
 
 /* A version changes whenever a stage's result for the same input does, or its state file. */
@@ -194,6 +193,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if ((i = choice(value, self_adjacent_names, 2)) < 0)
             return bw_fail(ctx, BW_E_USAGE, "option self_adjacent is \"allow\" or \"split\"");
         o->self_adjacent = (bw_self_adjacent)i;
+    } else if (!strcmp(name, "vtk")) {
+        static const char *const words[] = {"no", "yes"};
+        if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option vtk is \"no\" or \"yes\"");
+        o->vtk = i == 1;
     } else if (!strcmp(name, "effort")) {
         if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 3)
             return bw_fail(ctx, BW_E_USAGE, "option effort is an integer from 0 to 3");

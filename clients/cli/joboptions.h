@@ -13,6 +13,7 @@ typedef struct {
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells;           /* 0: not given */
+    bool vtk;
 } cli_job_options;
 
 /* Rows of an option table; `settings` has a member cli_job_options job. */
@@ -26,6 +27,8 @@ typedef struct {
      "how long to search for fewer blocks (default 1)", 0, 0},                                               \
     {"self-adjacent", 0, CLI_CHOICE, offsetof(settings, job.self_adjacent), "allow|split",                   \
      "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
+    {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
+     "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
     {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|encode",            \
      "stop after this stage (default encode)", 0, 0},                                                        \
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \

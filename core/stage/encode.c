@@ -11,6 +11,7 @@
 #include "format/blocks_json.h"
 #include "format/traced.h"
 #include "format/view.h"
+#include "format/vtm.h"
 
 typedef struct {
     bw_context *ctx;
@@ -71,6 +72,13 @@ static bw_status write_result(encoder *e, const char *name,
     return status;
 }
 
+static bw_status write_vtm(encoder *e) {
+    bw_vtm_written written[BW_VTM_FILES];
+    bw_status status = bw_vtm_write(e->ctx, e->cells, e->complex, (const double(*)[3])e->position, e->folder, written);
+    for (int i = 0; i < BW_VTM_FILES && status == BW_OK; i++) bw_report_add_result(e->report, written[i].name, written[i].bytes);
+    return status;
+}
+
 /* ---- quality
  * ----------------------------------------------------------------------------------------------------- */
 
@@ -122,7 +130,7 @@ static bw_status prepare(encoder *e) {
 }
 
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, const bw_cells *cells,
-                    const bw_complex *complex, bw_report *report, const char *out_dir) {
+                    const bw_complex *complex, bool vtk, bw_report *report, const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
     encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .report = report, .folder = out_dir};
@@ -130,6 +138,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
+    if (status == BW_OK && vtk) status = write_vtm(&e);
     if (status == BW_OK) status = measure_blocks(&e);
     if (status == BW_OK) bw_progress(ctx, 1);
     bw_tessellation_clear(ctx, &e.tessellation);

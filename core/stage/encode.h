@@ -17,6 +17,6 @@
  * Each file appears whole or not at all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY,
  * BW_E_CHECK, BW_E_CANCELLED. */
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, const bw_cells *cells,
-                    const bw_complex *complex, bw_report *report, const char *out_dir);
+                    const bw_complex *complex, bool vtk, bw_report *report, const char *out_dir);
 
 #endif
