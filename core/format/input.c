@@ -18,7 +18,7 @@
 
 enum { HEAD = 4096, READ_AT_ONCE = 1 << 20 };
 
-/* ---- which format ------------------------------------------------------------------------------------------------ */
+/* ---- which format -------------------------------------------------------------------------------------- */
 
 static bool begins(const bw_scan *s, const char *with) {
     return bw_word_starts((bw_word){s->at, bw_scan_left(s)}, with);
@@ -49,27 +49,37 @@ const char *bw_input_format_name(bw_input_format format) {
 static bw_status fail_unread(bw_context *ctx, bw_input_format format) {
     if (format == BW_INPUT_EMPTY) return bw_fail(ctx, BW_E_EMPTY, "the input is empty");
     bw_fail_element(ctx, "line", 1, NULL);
-    return bw_fail(ctx, BW_E_SYNTAX, "line 1: not the beginning of a format that is read: .hexex, VTK, VTU, Gmsh, Medit, OpenVolumeMesh");
+    return bw_fail(
+        ctx, BW_E_SYNTAX,
+        "line 1: not the beginning of a format that is read: .hexex, VTK, VTU, Gmsh, Medit, OpenVolumeMesh");
 }
 
-bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters, size_t parameters_size,
-                               bw_tet_mesh *mesh) {
+bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters,
+                               size_t parameters_size, bw_tet_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
     bw_input_format format = bw_input_detect(data, size);
     if (parameters && format > BW_INPUT_EMPTY && format != BW_INPUT_MEDIT)
-        return bw_fail(ctx, BW_E_USAGE, "a file of parameters belongs to a Medit mesh only; the input is %s", bw_input_format_name(format));
+        return bw_fail(ctx, BW_E_USAGE, "a file of parameters belongs to a Medit mesh only; the input is %s",
+                       bw_input_format_name(format));
     switch (format) {
-    case BW_INPUT_HEXEX: return bw_hexex_read_memory(ctx, data, size, mesh);
-    case BW_INPUT_VTK: return bw_vtk_read_memory(ctx, data, size, mesh);
-    case BW_INPUT_VTU: return bw_vtu_read_memory(ctx, data, size, mesh);
-    case BW_INPUT_MSH: return bw_msh_read_memory(ctx, data, size, mesh);
-    case BW_INPUT_MEDIT: return bw_medit_read_memory(ctx, data, size, parameters, parameters_size, mesh);
-    case BW_INPUT_OVM: return bw_ovm_read_memory(ctx, data, size, mesh);
-    default: return fail_unread(ctx, format);
+    case BW_INPUT_HEXEX:
+        return bw_hexex_read_memory(ctx, data, size, mesh);
+    case BW_INPUT_VTK:
+        return bw_vtk_read_memory(ctx, data, size, mesh);
+    case BW_INPUT_VTU:
+        return bw_vtu_read_memory(ctx, data, size, mesh);
+    case BW_INPUT_MSH:
+        return bw_msh_read_memory(ctx, data, size, mesh);
+    case BW_INPUT_MEDIT:
+        return bw_medit_read_memory(ctx, data, size, parameters, parameters_size, mesh);
+    case BW_INPUT_OVM:
+        return bw_ovm_read_memory(ctx, data, size, mesh);
+    default:
+        return fail_unread(ctx, format);
     }
 }
 
-/* ---- files ------------------------------------------------------------------------------------------------------- */
+/* ---- files --------------------------------------------------------------------------------------------- */
 
 typedef struct {
     int fd;
@@ -100,7 +110,8 @@ static bw_status read_whole(bw_context *ctx, file *f) {
         }
         if (status != BW_OK) return status;
         ssize_t n = read(f->fd, block + f->size, room - f->size);
-        if (n < 0 && errno != EINTR) return bw_fail(ctx, BW_E_IO, "cannot read the input: %s", strerror(errno));
+        if (n < 0 && errno != EINTR)
+            return bw_fail(ctx, BW_E_IO, "cannot read the input: %s", strerror(errno));
         if (n == 0) break;
         if (n > 0) f->size += (size_t)n;
     }

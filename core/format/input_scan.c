@@ -14,7 +14,7 @@ bw_scan bw_scan_open(bw_context *ctx, const void *data, size_t size) {
     return (bw_scan){.ctx = ctx, .data = begin, .at = begin, .end = begin + size, .line = 1};
 }
 
-/* ---- errors ------------------------------------------------------------------------------------------------------ */
+/* ---- errors -------------------------------------------------------------------------------------------- */
 
 bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) {
     if (s->ctx->error.status != BW_OK) return s->ctx->error.status;
@@ -34,7 +34,9 @@ bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) {
     return bw_fail(s->ctx, status, "%s %llu%s: %s", unit, (unsigned long long)place, record, what);
 }
 
-static bool printable(char c) { return c >= ' ' && c <= '~'; }
+static bool printable(char c) {
+    return c >= ' ' && c <= '~';
+}
 
 const char *bw_word_show(bw_word word, char *text, size_t room) {
     size_t n = word.length < room - 1 ? word.length : room - 1;
@@ -44,7 +46,7 @@ const char *bw_word_show(bw_word word, char *text, size_t room) {
     return text;
 }
 
-/* ---- words ------------------------------------------------------------------------------------------------------- */
+/* ---- words --------------------------------------------------------------------------------------------- */
 
 bool bw_word_is(bw_word word, const char *text) {
     return word.length == strlen(text) && !strncasecmp(word.text, text, word.length);
@@ -78,7 +80,8 @@ static bw_word peek(const bw_scan *s) {
 bw_status bw_scan_word(bw_scan *s, bw_word *word) {
     if (!bw_scan_blanks(s)) return bw_scan_fail(s, BW_E_TRUNCATED, "the input ends here");
     *word = peek(s);
-    if (word->length > BW_NUMBER_LENGTH) return bw_scan_fail(s, BW_E_LINE, "a word is longer than %d bytes", BW_NUMBER_LENGTH);
+    if (word->length > BW_NUMBER_LENGTH)
+        return bw_scan_fail(s, BW_E_LINE, "a word is longer than %d bytes", BW_NUMBER_LENGTH);
     s->at += word->length;
     return BW_OK;
 }
@@ -94,16 +97,20 @@ bw_word bw_scan_line(bw_scan *s) {
     return (bw_word){from, (size_t)(to - from)};
 }
 
-/* ---- numbers ----------------------------------------------------------------------------------------------------- */
+/* ---- numbers ------------------------------------------------------------------------------------------- */
 
 static bw_status fail_number(bw_scan *s, bw_number_status why, const char *wanted) {
     char text[40];
     bw_word_show(peek(s), text, sizeof text);
     switch (why) {
-    case BW_NUMBER_NOT_FINITE: return bw_scan_fail(s, BW_E_NUMBER, "'%s' is not a finite number", text);
-    case BW_NUMBER_ZERO_DIVISOR: return bw_scan_fail(s, BW_E_NUMBER, "'%s' divides by zero", text);
-    case BW_NUMBER_LENGTHY: return bw_scan_fail(s, BW_E_LINE, "'%s' is too long a number", text);
-    default: return bw_scan_fail(s, BW_E_SYNTAX, "'%s' is not a %s", text, wanted);
+    case BW_NUMBER_NOT_FINITE:
+        return bw_scan_fail(s, BW_E_NUMBER, "'%s' is not a finite number", text);
+    case BW_NUMBER_ZERO_DIVISOR:
+        return bw_scan_fail(s, BW_E_NUMBER, "'%s' divides by zero", text);
+    case BW_NUMBER_LENGTHY:
+        return bw_scan_fail(s, BW_E_LINE, "'%s' is too long a number", text);
+    default:
+        return bw_scan_fail(s, BW_E_SYNTAX, "'%s' is not a %s", text, wanted);
     }
 }
 
@@ -131,7 +138,8 @@ bw_status bw_scan_number(bw_scan *s, double *value) {
 
 bw_status bw_scan_check_index(bw_scan *s, int64_t value, int64_t first, size_t bound) {
     if (value >= first && (uint64_t)(value - first) < bound) return BW_OK;
-    if (!bound) return bw_scan_fail(s, BW_E_INDEX, "index %lld, but there is nothing to point at", (long long)value);
+    if (!bound)
+        return bw_scan_fail(s, BW_E_INDEX, "index %lld, but there is nothing to point at", (long long)value);
     return bw_scan_fail(s, BW_E_INDEX, "index %lld is outside %lld..%lld", (long long)value, (long long)first,
                         (long long)first + (long long)bound - 1);
 }
@@ -144,11 +152,12 @@ bw_status bw_scan_index(bw_scan *s, int64_t first, size_t bound, bw_vertex *inde
     return status;
 }
 
-/* ---- bytes and counts -------------------------------------------------------------------------------------------- */
+/* ---- bytes and counts ---------------------------------------------------------------------------------- */
 
 bw_status bw_scan_bytes(bw_scan *s, size_t size, const char **bytes) {
     if (size > bw_scan_left(s))
-        return bw_scan_fail(s, BW_E_TRUNCATED, "%zu bytes are needed here and %zu are left", size, bw_scan_left(s));
+        return bw_scan_fail(s, BW_E_TRUNCATED, "%zu bytes are needed here and %zu are left", size,
+                            bw_scan_left(s));
     *bytes = s->at;
     s->at += size;
     return BW_OK;
@@ -156,12 +165,14 @@ bw_status bw_scan_bytes(bw_scan *s, size_t size, const char **bytes) {
 
 bw_status bw_scan_count(bw_scan *s, const char *plural, int64_t count, int64_t most, uint64_t bytes) {
     uint64_t left = (uint64_t)bw_scan_left(s) + !s->binary;
-    if (count < 0) return bw_scan_fail(s, BW_E_COUNT, "the number of %s is negative: %lld", plural, (long long)count);
+    if (count < 0)
+        return bw_scan_fail(s, BW_E_COUNT, "the number of %s is negative: %lld", plural, (long long)count);
     if (count > most)
-        return bw_scan_fail(s, BW_E_COUNT, "%lld %s are more than the %lld supported", (long long)count, plural, (long long)most);
+        return bw_scan_fail(s, BW_E_COUNT, "%lld %s are more than the %lld supported", (long long)count,
+                            plural, (long long)most);
     if (bytes && (uint64_t)count > left / bytes)
-        return bw_scan_fail(s, BW_E_COUNT, "%lld %s cannot be in the %zu bytes that are left", (long long)count, plural,
-                            bw_scan_left(s));
+        return bw_scan_fail(s, BW_E_COUNT, "%lld %s cannot be in the %zu bytes that are left",
+                            (long long)count, plural, bw_scan_left(s));
     return BW_OK;
 }
 

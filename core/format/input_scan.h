@@ -2,11 +2,13 @@
  *
  * Invariants
  *  1. data <= at <= end, and nothing at or after `end` is ever read.
- *  2. Every failure names its place: "line 7 (tet 3): ..." in text, "byte 1234 (tet 3): ..." in binary inputs, with the
- *     record's number among the error's elements, and the line (or byte) too. Messages are printable ASCII.
+ *  2. Every failure names its place: "line 7 (tet 3): ..." in text, "byte 1234 (tet 3): ..." in binary
+ *     inputs, with the record's number among the error's elements, and the line (or byte) too. Messages are
+ *     printable ASCII.
  *  3. A count is held against the bytes that are left (bw_scan_count) before anything is allocated for it.
  *
- * A word is what stands between blanks (space, tab, line breaks). Words and numbers over 64 KiB are refused (BW_E_LINE).
+ * A word is what stands between blanks (space, tab, line breaks). Words and numbers over 64 KiB are refused
+ * (BW_E_LINE).
  */
 #ifndef BW_FORMAT_INPUT_SCAN_H
 #define BW_FORMAT_INPUT_SCAN_H
@@ -17,9 +19,9 @@
 typedef struct {
     bw_context *ctx;
     const char *data, *at, *end;
-    uint64_t line; /* of `at`, from 1 */
-    bool binary;   /* places are told in bytes, not lines */
-    char comment;  /* words end and lines are cut at this character; 0: there are no comments */
+    uint64_t line;    /* of `at`, from 1 */
+    bool binary;      /* places are told in bytes, not lines */
+    char comment;     /* words end and lines are cut at this character; 0: there are no comments */
     const char *kind; /* of the record being read, "tet"; NULL outside of lists */
     int64_t record;
     uint64_t base; /* offset of `data` in the input */
@@ -31,10 +33,13 @@ typedef struct {
 } bw_word;
 
 bw_scan bw_scan_open(bw_context *ctx, const void *data, size_t size);
-static inline size_t bw_scan_left(const bw_scan *s) { return (size_t)(s->end - s->at); }
+static inline size_t bw_scan_left(const bw_scan *s) {
+    return (size_t)(s->end - s->at);
+}
 
 /* Records a failure at the cursor. printf-like, without the place. */
-bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
 /* Passes blanks, line breaks and comments; false at the end of the input. */
 bool bw_scan_blanks(bw_scan *s);
@@ -51,8 +56,8 @@ bw_status bw_scan_check_index(bw_scan *s, int64_t value, int64_t first, size_t b
 /* The next `size` bytes, as they are. BW_E_TRUNCATED. */
 bw_status bw_scan_bytes(bw_scan *s, size_t size, const char **bytes);
 
-/* BW_E_COUNT unless 0 <= count <= most and `count` records of at least `bytes` bytes may be in what is left (in text a number
- * takes two bytes, and the last one may lack its blank). `plural`: "tets". */
+/* BW_E_COUNT unless 0 <= count <= most and `count` records of at least `bytes` bytes may be in what is left
+ * (in text a number takes two bytes, and the last one may lack its blank). `plural`: "tets". */
 bw_status bw_scan_count(bw_scan *s, const char *plural, int64_t count, int64_t most, uint64_t bytes);
 /* Goes on to record number `record` of a list of `kind`; sees to cancellation and progress now and then. */
 bw_status bw_scan_record(bw_scan *s, const char *kind, int64_t record);

@@ -7,17 +7,35 @@
 #include "format/input_mesh.h"
 
 typedef enum {
-    NO_SECTION, DIMENSION, VERTICES, TETRAHEDRA, EDGES, TRIANGLES, CORNERS, REQUIRED_VERTICES, RIDGES, REQUIRED_EDGES,
-    REQUIRED_TRIANGLES, END, SECTIONS
+    NO_SECTION,
+    DIMENSION,
+    VERTICES,
+    TETRAHEDRA,
+    EDGES,
+    TRIANGLES,
+    CORNERS,
+    REQUIRED_VERTICES,
+    RIDGES,
+    REQUIRED_EDGES,
+    REQUIRED_TRIANGLES,
+    END,
+    SECTIONS
 } section;
 
 static const struct {
     const char *name;
     int code; /* in .meshb */
-} sections[SECTIONS] = {[DIMENSION] = {"Dimension", 3}, [VERTICES] = {"Vertices", 4}, [TETRAHEDRA] = {"Tetrahedra", 8},
-                        [EDGES] = {"Edges", 5}, [TRIANGLES] = {"Triangles", 6}, [CORNERS] = {"Corners", 13},
-                        [REQUIRED_VERTICES] = {"RequiredVertices", 15}, [RIDGES] = {"Ridges", 14}, [REQUIRED_EDGES] = {"RequiredEdges", 16},
-                        [REQUIRED_TRIANGLES] = {"RequiredTriangles", 17}, [END] = {"End", 54}};
+} sections[SECTIONS] = {[DIMENSION] = {"Dimension", 3},
+                        [VERTICES] = {"Vertices", 4},
+                        [TETRAHEDRA] = {"Tetrahedra", 8},
+                        [EDGES] = {"Edges", 5},
+                        [TRIANGLES] = {"Triangles", 6},
+                        [CORNERS] = {"Corners", 13},
+                        [REQUIRED_VERTICES] = {"RequiredVertices", 15},
+                        [RIDGES] = {"Ridges", 14},
+                        [REQUIRED_EDGES] = {"RequiredEdges", 16},
+                        [REQUIRED_TRIANGLES] = {"RequiredTriangles", 17},
+                        [END] = {"End", 54}};
 
 /* A list of numbers into the vertices, edges or triangles. */
 typedef struct {
@@ -37,13 +55,14 @@ typedef struct {
     marks mark[SECTIONS];
 } reader;
 
-/* ---- values ------------------------------------------------------------------------------------------------------ */
+/* ---- values -------------------------------------------------------------------------------------------- */
 
 static bw_status take_bits(reader *r, size_t size, uint64_t *bits) {
     const char *bytes = NULL;
     bw_status status = bw_scan_bytes(&r->scan, size, &bytes);
     *bits = 0;
-    for (size_t i = 0; i < size && status == BW_OK; i++) *bits |= (uint64_t)(uint8_t)bytes[i] << 8 * (r->swap ? size - 1 - i : i);
+    for (size_t i = 0; i < size && status == BW_OK; i++)
+        *bits |= (uint64_t)(uint8_t)bytes[i] << 8 * (r->swap ? size - 1 - i : i);
     return status;
 }
 
@@ -67,7 +86,9 @@ static bw_status take_real(reader *r, double *value) {
     } else {
         memcpy(value, &bits, sizeof *value);
     }
-    if (status == BW_OK && !isfinite(*value)) return bw_scan_fail(&r->scan, BW_E_NUMBER, "%s is not a finite number", isnan(*value) ? "nan" : "inf");
+    if (status == BW_OK && !isfinite(*value))
+        return bw_scan_fail(&r->scan, BW_E_NUMBER, "%s is not a finite number",
+                            isnan(*value) ? "nan" : "inf");
     return status;
 }
 
@@ -79,15 +100,19 @@ static bw_status take_index(reader *r, size_t bound, int32_t *index) {
     return status;
 }
 
-static uint64_t number_size(const reader *r) { return !r->binary ? 2 : r->wide_number ? 8 : 4; }
+static uint64_t number_size(const reader *r) {
+    return !r->binary ? 2 : r->wide_number ? 8 : 4;
+}
 
-/* ---- sections ---------------------------------------------------------------------------------------------------- */
+/* ---- sections ------------------------------------------------------------------------------------------ */
 
 static bw_status read_vertices(reader *r, int64_t count) {
     uint64_t real = !r->binary ? 2 : r->single ? 4 : 8;
     bw_tet_mesh *m = r->mesh;
-    bw_status status = bw_scan_count(&r->scan, "vertices", count, BW_INPUT_VERTICES_MAX, 3 * real + number_size(r));
-    if (status == BW_OK && !(m->position = bw_alloc(r->ctx, (size_t)count, sizeof *m->position))) status = r->ctx->error.status;
+    bw_status status =
+        bw_scan_count(&r->scan, "vertices", count, BW_INPUT_VERTICES_MAX, 3 * real + number_size(r));
+    if (status == BW_OK && !(m->position = bw_alloc(r->ctx, (size_t)count, sizeof *m->position)))
+        status = r->ctx->error.status;
     int64_t reference;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "vertex", i);
@@ -99,14 +124,18 @@ static bw_status read_vertices(reader *r, int64_t count) {
 }
 
 /* Tets, triangles or edges: `corners` vertices and a reference each. */
-static bw_status read_elements(reader *r, const char *kind, const char *plural, int corners, int64_t count, int64_t most, bw_vertex **list) {
+static bw_status read_elements(reader *r, const char *kind, const char *plural, int corners, int64_t count,
+                               int64_t most, bw_vertex **list) {
     bw_status status = bw_scan_count(&r->scan, plural, count, most, (uint64_t)(corners + 1) * number_size(r));
-    if (status == BW_OK && !r->seen[VERTICES]) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "%s come before the vertices", plural);
-    if (status == BW_OK && !(*list = bw_alloc(r->ctx, (size_t)count, (size_t)corners * sizeof **list))) status = r->ctx->error.status;
+    if (status == BW_OK && !r->seen[VERTICES])
+        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "%s come before the vertices", plural);
+    if (status == BW_OK && !(*list = bw_alloc(r->ctx, (size_t)count, (size_t)corners * sizeof **list)))
+        status = r->ctx->error.status;
     int64_t reference;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, kind, i);
-        for (int k = 0; k < corners && status == BW_OK; k++) status = take_index(r, r->mesh->vertex_count, &(*list)[i * corners + k]);
+        for (int k = 0; k < corners && status == BW_OK; k++)
+            status = take_index(r, r->mesh->vertex_count, &(*list)[i * corners + k]);
         if (status == BW_OK) status = take_whole(r, r->wide_number, &reference);
     }
     return status;
@@ -116,7 +145,8 @@ static bw_status read_elements(reader *r, const char *kind, const char *plural, 
 static bw_status read_marks(reader *r, section which, int64_t count) {
     marks *m = &r->mark[which];
     bw_status status = bw_scan_count(&r->scan, "marks", count, INT32_MAX, number_size(r));
-    if (status == BW_OK && !(m->item = bw_alloc(r->ctx, (size_t)count, sizeof *m->item))) status = r->ctx->error.status;
+    if (status == BW_OK && !(m->item = bw_alloc(r->ctx, (size_t)count, sizeof *m->item)))
+        status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "mark", i);
         if (status == BW_OK) status = take_index(r, INT32_MAX, &m->item[i]);
@@ -128,14 +158,18 @@ static bw_status read_marks(reader *r, section which, int64_t count) {
 static bw_status read_section(reader *r, section which) {
     int64_t count = 0;
     if (which == END) return BW_OK;
-    if (r->seen[which]) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "a second section %s", sections[which].name);
+    if (r->seen[which])
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "a second section %s", sections[which].name);
     bw_status status = take_whole(r, which != DIMENSION && r->wide_number, &count);
     if (status != BW_OK) return status;
     switch (which) {
     case DIMENSION:
-        if (count != 3) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "dimension %lld; only 3 is read", (long long)count);
+        if (count != 3)
+            status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "dimension %lld; only 3 is read", (long long)count);
         break;
-    case VERTICES: status = read_vertices(r, count); break;
+    case VERTICES:
+        status = read_vertices(r, count);
+        break;
     case TETRAHEDRA:
         status = read_elements(r, "tet", "tets", 4, count, BW_INPUT_TETS_MAX, (bw_vertex **)&r->mesh->tet);
         if (status == BW_OK) r->mesh->tet_count = (size_t)count;
@@ -148,17 +182,20 @@ static bw_status read_section(reader *r, section which) {
         status = read_elements(r, "triangle", "triangles", 3, count, INT32_MAX, (bw_vertex **)&r->triangle);
         r->triangle_count = (size_t)count;
         break;
-    default: status = read_marks(r, which, count);
+    default:
+        status = read_marks(r, which, count);
     }
     r->seen[which] = true;
     r->scan.kind = NULL;
     return status;
 }
 
-/* ---- features ---------------------------------------------------------------------------------------------------- */
+/* ---- features ------------------------------------------------------------------------------------------ */
 
-/* The features of one kind: those in `first`, then those in `second` (NO_SECTION: none) that are not in `first`. */
-static bw_status take_features(reader *r, section first, section second, int corners, const bw_vertex *list, size_t bound) {
+/* The features of one kind: those in `first`, then those in `second` (NO_SECTION: none) that are not in
+ * `first`. */
+static bw_status take_features(reader *r, section first, section second, int corners, const bw_vertex *list,
+                               size_t bound) {
     const section from[2] = {first, second};
     bw_input_room room = {{0}};
     if (!r->mark[first].count && !r->mark[second].count) return BW_OK;
@@ -168,10 +205,12 @@ static bw_status take_features(reader *r, section first, section second, int cor
         for (size_t i = 0; i < r->mark[from[s]].count && status == BW_OK; i++) {
             bw_vertex at = r->mark[from[s]].item[i];
             if ((size_t)at >= bound) {
-                status = bw_scan_fail(&r->scan, BW_E_INDEX, "number %d in %s is outside 1..%zu", at + 1, sections[from[s]].name, bound);
+                status = bw_scan_fail(&r->scan, BW_E_INDEX, "number %d in %s is outside 1..%zu", at + 1,
+                                      sections[from[s]].name, bound);
             } else if (!taken[at]) {
                 taken[at] = 1;
-                status = bw_input_add_feature(r->ctx, r->mesh, &room, corners, list ? list + (size_t)at * (size_t)corners : &at);
+                status = bw_input_add_feature(r->ctx, r->mesh, &room, corners,
+                                              list ? list + (size_t)at * (size_t)corners : &at);
             }
         }
     bw_free(r->ctx, taken);
@@ -180,12 +219,15 @@ static bw_status take_features(reader *r, section first, section second, int cor
 
 static bw_status take_all_features(reader *r) {
     bw_status status = take_features(r, CORNERS, REQUIRED_VERTICES, 1, NULL, r->mesh->vertex_count);
-    if (status == BW_OK) status = take_features(r, RIDGES, REQUIRED_EDGES, 2, (const bw_vertex *)r->edge, r->edge_count);
-    if (status == BW_OK) status = take_features(r, REQUIRED_TRIANGLES, NO_SECTION, 3, (const bw_vertex *)r->triangle, r->triangle_count);
+    if (status == BW_OK)
+        status = take_features(r, RIDGES, REQUIRED_EDGES, 2, (const bw_vertex *)r->edge, r->edge_count);
+    if (status == BW_OK)
+        status = take_features(r, REQUIRED_TRIANGLES, NO_SECTION, 3, (const bw_vertex *)r->triangle,
+                               r->triangle_count);
     return status;
 }
 
-/* ---- text -------------------------------------------------------------------------------------------------------- */
+/* ---- text ---------------------------------------------------------------------------------------------- */
 
 static bool begins_number(bw_word word) {
     char c = *word.text;
@@ -207,7 +249,8 @@ static bw_status read_text(reader *r) {
         if ((status = bw_scan_word(s, &word)) != BW_OK) break;
         if (begins_number(word)) {
             if (passing) continue;
-            return bw_scan_fail(s, BW_E_SYNTAX, "'%s' is more than the section holds", bw_word_show(word, text, sizeof text));
+            return bw_scan_fail(s, BW_E_SYNTAX, "'%s' is more than the section holds",
+                                bw_word_show(word, text, sizeof text));
         }
         section which = NO_SECTION;
         for (int i = 1; i < SECTIONS; i++)
@@ -220,7 +263,7 @@ static bw_status read_text(reader *r) {
     return status;
 }
 
-/* ---- binary ------------------------------------------------------------------------------------------------------ */
+/* ---- binary -------------------------------------------------------------------------------------------- */
 
 /* 1, the version; then sections: a code, the place of the next one (0 after the last), what it holds. */
 static bw_status read_binary(reader *r) {
@@ -242,10 +285,12 @@ static bw_status read_binary(reader *r) {
             if (sections[i].code == code) which = (section)i;
         if (next && (next <= s->at - s->data || next > s->end - s->data))
             return bw_scan_fail(s, next > 0 && next > s->end - s->data ? BW_E_TRUNCATED : BW_E_INDEX,
-                                "the next section is at byte %lld, not after this one in the input", (long long)next);
+                                "the next section is at byte %lld, not after this one in the input",
+                                (long long)next);
         if (which != NO_SECTION) status = read_section(r, which);
         if (status == BW_OK && next && s->at - s->data > next)
-            status = bw_scan_fail(s, BW_E_SYNTAX, "section %s reaches into the next one", sections[which].name);
+            status =
+                bw_scan_fail(s, BW_E_SYNTAX, "section %s reaches into the next one", sections[which].name);
         if (status == BW_OK) status = bw_poll(r->ctx);
         if (!next) break;
         s->at = s->data + next;
@@ -253,7 +298,7 @@ static bw_status read_binary(reader *r) {
     return status;
 }
 
-/* ---- parameters -------------------------------------------------------------------------------------------------- */
+/* ---- parameters ---------------------------------------------------------------------------------------- */
 
 static bw_status parse_parameters(bw_tet_mesh *m, bw_scan *s) {
     bw_word word = {0};
@@ -262,30 +307,39 @@ static bw_status parse_parameters(bw_tet_mesh *m, bw_scan *s) {
     s->comment = '#';
     bw_status status = bw_scan_word(s, &word);
     if (status == BW_OK && !bw_word_is(word, "parameters"))
-        status = bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where the word parameters is due", bw_word_show(word, text, sizeof text));
+        status = bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where the word parameters is due",
+                              bw_word_show(word, text, sizeof text));
     if (status == BW_OK) status = bw_scan_whole(s, &count);
     if (status == BW_OK && (count < 0 || (size_t)count != m->tet_count))
-        status = bw_scan_fail(s, BW_E_COUNT, "parameters of %lld tets, but the mesh has %zu", (long long)count, m->tet_count);
+        status = bw_scan_fail(s, BW_E_COUNT, "parameters of %lld tets, but the mesh has %zu",
+                              (long long)count, m->tet_count);
     if (status == BW_OK) status = bw_scan_count(s, "tets", count, BW_INPUT_TETS_MAX, 24);
-    if (status == BW_OK && !(m->parameter = bw_alloc(s->ctx, (size_t)count, sizeof *m->parameter))) status = s->ctx->error.status;
+    if (status == BW_OK && !(m->parameter = bw_alloc(s->ctx, (size_t)count, sizeof *m->parameter)))
+        status = s->ctx->error.status;
     for (int64_t t = 0; t < count && status == BW_OK; t++) {
         status = bw_scan_record(s, "tet", t);
-        for (int i = 0; i < 12 && status == BW_OK; i++) status = bw_scan_number(s, &m->parameter[t][i / 3][i % 3]);
+        for (int i = 0; i < 12 && status == BW_OK; i++)
+            status = bw_scan_number(s, &m->parameter[t][i / 3][i % 3]);
     }
     s->kind = NULL;
-    if (status == BW_OK && bw_scan_blanks(s)) status = bw_scan_fail(s, BW_E_SYNTAX, "there is more text after the last tet");
+    if (status == BW_OK && bw_scan_blanks(s))
+        status = bw_scan_fail(s, BW_E_SYNTAX, "there is more text after the last tet");
     return status;
 }
 
 static bw_status read_parameters(reader *r, const void *data, size_t size) {
     if (!data)
-        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "a Medit mesh has no place for the parametrization: a side file with \"parameters %zu\" and "
-                            "twelve numbers per tet is missing", r->mesh->tet_count);
+        return bw_scan_fail(
+            &r->scan, BW_E_SYNTAX,
+            "a Medit mesh has no place for the parametrization: a side file with \"parameters %zu\" and "
+            "twelve numbers per tet is missing",
+            r->mesh->tet_count);
     bw_scan s = bw_scan_open(r->ctx, data, size);
     bool fresh = r->ctx->error.status == BW_OK;
     bw_status status = parse_parameters(r->mesh, &s);
     bw_error *error = &r->ctx->error;
-    if (status != BW_OK && fresh && bw_status_class(status) == BW_CLASS_INPUT) { /* tell which file it is about */
+    if (status != BW_OK && fresh &&
+        bw_status_class(status) == BW_CLASS_INPUT) { /* tell which file it is about */
         char message[sizeof error->message];
         snprintf(message, sizeof message, "parameters: %.*s", (int)sizeof message - 20, error->message);
         memcpy(error->message, message, sizeof message);
@@ -293,15 +347,16 @@ static bw_status read_parameters(reader *r, const void *data, size_t size) {
     return status;
 }
 
-bw_status bw_medit_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters, size_t parameters_size,
-                               bw_tet_mesh *mesh) {
+bw_status bw_medit_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters,
+                               size_t parameters_size, bw_tet_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
     reader r = {.scan = bw_scan_open(ctx, data, size), .ctx = ctx, .mesh = mesh};
     const char *first = data;
     bool binary = size >= 4 && (!memcmp(first, "\1\0\0\0", 4) || !memcmp(first, "\0\0\0\1", 4));
     bw_status status = binary ? read_binary(&r) : read_text(&r);
     if (status == BW_OK && !r.seen[TETRAHEDRA])
-        status = bw_scan_fail(&r.scan, BW_E_TRUNCATED, "the input ends without %s", r.seen[VERTICES] ? "Tetrahedra" : "Vertices");
+        status = bw_scan_fail(&r.scan, BW_E_TRUNCATED, "the input ends without %s",
+                              r.seen[VERTICES] ? "Tetrahedra" : "Vertices");
     if (status == BW_OK && !mesh->tet_count) status = bw_fail(ctx, BW_E_EMPTY, "the input has no tets");
     if (status == BW_OK) status = take_all_features(&r);
     if (status == BW_OK) status = read_parameters(&r, parameters, parameters_size);

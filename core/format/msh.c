@@ -33,13 +33,14 @@ typedef struct {
     size_t view_count, view_room;
 } reader;
 
-/* ---- values ------------------------------------------------------------------------------------------------------ */
+/* ---- values -------------------------------------------------------------------------------------------- */
 
 static bw_status take_bits(reader *r, size_t size, uint64_t *bits) {
     const char *bytes = NULL;
     bw_status status = bw_scan_bytes(&r->scan, size, &bytes);
     *bits = 0;
-    for (size_t i = 0; i < size && status == BW_OK; i++) *bits |= (uint64_t)(uint8_t)bytes[i] << 8 * (r->swap ? size - 1 - i : i);
+    for (size_t i = 0; i < size && status == BW_OK; i++)
+        *bits |= (uint64_t)(uint8_t)bytes[i] << 8 * (r->swap ? size - 1 - i : i);
     return status;
 }
 
@@ -65,14 +66,17 @@ static bw_status take_real(reader *r, double *value) {
     uint64_t bits;
     bw_status status = take_bits(r, 8, &bits);
     memcpy(value, &bits, sizeof *value);
-    if (status == BW_OK && !isfinite(*value)) return bw_scan_fail(&r->scan, BW_E_NUMBER, "%s is not a finite number", isnan(*value) ? "nan" : "inf");
+    if (status == BW_OK && !isfinite(*value))
+        return bw_scan_fail(&r->scan, BW_E_NUMBER, "%s is not a finite number",
+                            isnan(*value) ? "nan" : "inf");
     return status;
 }
 
 static bw_status pass_sizes(reader *r, int64_t count, bool ints) {
     int64_t value;
     bw_status status = bw_scan_count(&r->scan, "tags", count, INT64_MAX, r->binary ? (ints ? 4 : 8) : 2);
-    for (int64_t i = 0; i < count && status == BW_OK; i++) status = ints ? take_int(r, &value) : take_size(r, &value);
+    for (int64_t i = 0; i < count && status == BW_OK; i++)
+        status = ints ? take_int(r, &value) : take_size(r, &value);
     return status;
 }
 
@@ -81,11 +85,14 @@ static bw_status expect_end(reader *r, const char *section) {
     char text[40];
     r->scan.kind = NULL;
     bw_status status = bw_scan_word(&r->scan, &word);
-    if (status != BW_OK || (bw_word_starts(word, "$End") && bw_word_is((bw_word){word.text + 4, word.length - 4}, section))) return status;
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where $End%s is due", bw_word_show(word, text, sizeof text), section);
+    if (status != BW_OK ||
+        (bw_word_starts(word, "$End") && bw_word_is((bw_word){word.text + 4, word.length - 4}, section)))
+        return status;
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where $End%s is due",
+                        bw_word_show(word, text, sizeof text), section);
 }
 
-/* ---- groups and entities ------------------------------------------------------------------------------------------ */
+/* ---- groups and entities ------------------------------------------------------------------------------- */
 
 static int by_dimension_and_tag(const void *a, const void *b) {
     const group *x = a, *y = b;
@@ -149,7 +156,8 @@ static bw_status read_entities(reader *r) {
     int64_t count[4] = {0};
     bw_status status = BW_OK;
     for (int d = 0; d < 4 && status == BW_OK; d++) status = take_size(r, &count[d]);
-    for (int d = 0; d < 4 && status == BW_OK; d++) status = bw_scan_count(&r->scan, "entities", count[d], INT32_MAX, r->binary ? 36 : 10);
+    for (int d = 0; d < 4 && status == BW_OK; d++)
+        status = bw_scan_count(&r->scan, "entities", count[d], INT32_MAX, r->binary ? 36 : 10);
     for (int d = 0; d < 4 && status == BW_OK; d++)
         for (int64_t i = 0; i < count[d] && status == BW_OK; i++) {
             status = bw_scan_record(&r->scan, kind[d], i);
@@ -159,7 +167,7 @@ static bw_status read_entities(reader *r) {
     return status == BW_OK ? expect_end(r, "Entities") : status;
 }
 
-/* ---- nodes --------------------------------------------------------------------------------------------------------- */
+/* ---- nodes --------------------------------------------------------------------------------------------- */
 
 static bw_status begin_nodes(reader *r, int64_t count, uint64_t bytes) {
     if (r->mesh->position) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "there are nodes already");
@@ -173,8 +181,10 @@ static bw_status end_nodes(reader *r, int64_t count) {
     int64_t twice;
     r->mesh->vertex_count = r->nodes.count;
     if ((int64_t)r->nodes.count != count)
-        return bw_scan_fail(&r->scan, BW_E_COUNT, "%zu nodes where %lld are announced", r->nodes.count, (long long)count);
-    if (!bw_tags_end(&r->nodes, &twice)) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "two nodes have the tag %lld", (long long)twice);
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "%zu nodes where %lld are announced", r->nodes.count,
+                            (long long)count);
+    if (!bw_tags_end(&r->nodes, &twice))
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "two nodes have the tag %lld", (long long)twice);
     return expect_end(r, "Nodes");
 }
 
@@ -199,8 +209,11 @@ static bw_status read_node_block(reader *r, int64_t total) {
     if (status == BW_OK) status = take_int(r, &entity);
     if (status == BW_OK) status = take_int(r, &parametric);
     if (status == BW_OK) status = take_size(r, &count);
-    if (status == BW_OK) status = bw_scan_count(&r->scan, "nodes of a block", count, total - (int64_t)r->nodes.count, r->binary ? 32 : 8);
-    if (status == BW_OK && (dimension < 0 || dimension > 3)) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "dimension %lld", (long long)dimension);
+    if (status == BW_OK)
+        status = bw_scan_count(&r->scan, "nodes of a block", count, total - (int64_t)r->nodes.count,
+                               r->binary ? 32 : 8);
+    if (status == BW_OK && (dimension < 0 || dimension > 3))
+        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "dimension %lld", (long long)dimension);
     size_t first = r->nodes.count;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "vertex", (int64_t)first + i);
@@ -210,17 +223,20 @@ static bw_status read_node_block(reader *r, int64_t total) {
     for (size_t i = first; i < first + (size_t)count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "vertex", (int64_t)i);
         for (int k = 0; k < 3 && status == BW_OK; k++) status = take_real(r, &r->mesh->position[i][k]);
-        for (int k = 0; k < (parametric ? dimension : 0) && status == BW_OK; k++) status = take_real(r, &extra);
+        for (int k = 0; k < (parametric ? dimension : 0) && status == BW_OK; k++)
+            status = take_real(r, &extra);
     }
     r->scan.kind = NULL;
     return status;
 }
 
-/* The four counts that begin $Nodes and $Elements of version 4; the last two are the smallest and the largest tag. */
+/* The four counts that begin $Nodes and $Elements of version 4; the last two are the smallest and the largest
+ * tag. */
 static bw_status read_counts(reader *r, int64_t count[4], const char *blocks) {
     bw_status status = BW_OK;
     for (int i = 0; i < 4 && status == BW_OK; i++) status = take_size(r, &count[i]);
-    return status == BW_OK ? bw_scan_count(&r->scan, blocks, count[0], INT32_MAX, r->binary ? 20 : 8) : status;
+    return status == BW_OK ? bw_scan_count(&r->scan, blocks, count[0], INT32_MAX, r->binary ? 20 : 8)
+                           : status;
 }
 
 static bw_status read_nodes_4(reader *r) {
@@ -231,13 +247,17 @@ static bw_status read_nodes_4(reader *r) {
     return status == BW_OK ? end_nodes(r, count[1]) : status;
 }
 
-/* ---- elements ------------------------------------------------------------------------------------------------------ */
+/* ---- elements ------------------------------------------------------------------------------------------ */
 
-static int corners_of(int64_t type) { return type == 15 ? 1 : type == 1 ? 2 : type == 2 ? 3 : type == 4 ? 4 : 0; }
+static int corners_of(int64_t type) {
+    return type == 15 ? 1 : type == 1 ? 2 : type == 2 ? 3 : type == 4 ? 4 : 0;
+}
 
 static bw_status fail_type(reader *r, int64_t type) {
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "elements of type %lld; only tets (4), triangles (2), lines (1) and points (15) are read",
-                        (long long)type);
+    return bw_scan_fail(
+        &r->scan, BW_E_SYNTAX,
+        "elements of type %lld; only tets (4), triangles (2), lines (1) and points (15) are read",
+        (long long)type);
 }
 
 /* The nodes of an element. Tags of nodes are size_t in binary files of version 4, int before. */
@@ -248,20 +268,24 @@ static bw_status read_element(reader *r, int corners, int64_t tag, bool feature)
         int64_t node = 0;
         status = r->version_4 ? take_size(r, &node) : take_int(r, &node);
         int64_t index = bw_tags_find(&r->nodes, node);
-        if (status == BW_OK && index < 0) status = bw_scan_fail(&r->scan, BW_E_INDEX, "there is no node %lld", (long long)node);
+        if (status == BW_OK && index < 0)
+            status = bw_scan_fail(&r->scan, BW_E_INDEX, "there is no node %lld", (long long)node);
         corner[i] = (bw_vertex)index;
     }
     if (status != BW_OK) return status;
-    if (corners < 4) return feature ? bw_input_add_feature(r->ctx, r->mesh, &r->room, corners, corner) : BW_OK;
+    if (corners < 4)
+        return feature ? bw_input_add_feature(r->ctx, r->mesh, &r->room, corners, corner) : BW_OK;
     if (r->mesh->tet_count == (size_t)BW_INPUT_TETS_MAX)
-        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld tets supported", (long long)BW_INPUT_TETS_MAX);
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld tets supported",
+                            (long long)BW_INPUT_TETS_MAX);
     status = bw_reserve(r->ctx, &r->mesh->tet, &r->tet_room, r->mesh->tet_count + 1);
     if (status == BW_OK) status = bw_tags_add(r->ctx, &r->tets, tag);
     if (status == BW_OK) memcpy(r->mesh->tet[r->mesh->tet_count++], corner, sizeof corner);
     return status;
 }
 
-/* type, number of elements and of tags before each of them: in text files every element has them of its own */
+/* type, number of elements and of tags before each of them: in text files every element has them of its own
+ * */
 static bw_status read_elements_2(reader *r) {
     int64_t count = 0;
     bw_status status = bw_scan_whole(&r->scan, &count);
@@ -275,7 +299,8 @@ static bw_status read_elements_2(reader *r) {
             if (status == BW_OK) status = take_int(r, &type);
             if (status == BW_OK) status = take_int(r, &run);
             if (status == BW_OK) status = take_int(r, &tags);
-            if (status == BW_OK && run < 1) status = bw_scan_fail(&r->scan, BW_E_COUNT, "a run of %lld elements", (long long)run);
+            if (status == BW_OK && run < 1)
+                status = bw_scan_fail(&r->scan, BW_E_COUNT, "a run of %lld elements", (long long)run);
         }
         if (status == BW_OK) status = take_int(r, &tag);
         if (status == BW_OK && !r->binary) status = bw_scan_whole(&r->scan, &type);
@@ -300,7 +325,8 @@ static bw_status read_element_block(reader *r, int64_t *done, int64_t total) {
     if (status == BW_OK && !corners_of(type)) status = fail_type(r, type);
     int corners = corners_of(type);
     if (status == BW_OK)
-        status = bw_scan_count(&r->scan, "elements of a block", count, total - *done, (uint64_t)(corners + 1) * (r->binary ? 8 : 2));
+        status = bw_scan_count(&r->scan, "elements of a block", count, total - *done,
+                               (uint64_t)(corners + 1) * (r->binary ? 8 : 2));
     bool feature = !r->has_names || has_group(r->feature_entity, r->entity_count, dimension, entity);
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "element", *done + i);
@@ -317,7 +343,8 @@ static bw_status read_elements_4(reader *r) {
     bw_status status = read_counts(r, count, "blocks of elements");
     for (int64_t b = 0; b < count[0] && status == BW_OK; b++) status = read_element_block(r, &done, count[1]);
     if (status == BW_OK && done != count[1])
-        status = bw_scan_fail(&r->scan, BW_E_COUNT, "%lld elements where %lld are announced", (long long)done, (long long)count[1]);
+        status = bw_scan_fail(&r->scan, BW_E_COUNT, "%lld elements where %lld are announced", (long long)done,
+                              (long long)count[1]);
     return status;
 }
 
@@ -327,11 +354,12 @@ static bw_status read_elements(reader *r) {
     if (r->has_elements) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "there are elements already");
     r->has_elements = true;
     bw_status status = r->version_4 ? read_elements_4(r) : read_elements_2(r);
-    if (status == BW_OK && !bw_tags_end(&r->tets, &twice)) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "two tets have the tag %lld", (long long)twice);
+    if (status == BW_OK && !bw_tags_end(&r->tets, &twice))
+        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "two tets have the tag %lld", (long long)twice);
     return status == BW_OK ? expect_end(r, "Elements") : status;
 }
 
-/* ---- data ---------------------------------------------------------------------------------------------------------- */
+/* ---- data ---------------------------------------------------------------------------------------------- */
 
 static bw_status pass_values(reader *r, int64_t count) {
     const char *bytes;
@@ -342,7 +370,8 @@ static bw_status pass_values(reader *r, int64_t count) {
     return status;
 }
 
-/* String tags (the first is the name), real tags, integer tags: time step, components, rows. They are text in binary files, too. */
+/* String tags (the first is the name), real tags, integer tags: time step, components, rows. They are text in
+ * binary files, too. */
 static bw_status read_view_header(reader *r, view *v, int64_t *components) {
     bw_scan *s = &r->scan;
     int64_t strings = 0, reals = 0, wholes = 0, value = 0;
@@ -361,7 +390,8 @@ static bw_status read_view_header(reader *r, view *v, int64_t *components) {
     for (int64_t i = 0; i < reals && status == BW_OK; i++) status = bw_scan_number(s, &real);
     if (status == BW_OK) status = bw_scan_whole(s, &wholes);
     if (status == BW_OK) status = bw_scan_count(s, "integer tags", wholes, INT32_MAX, 2);
-    if (status == BW_OK && wholes < 3) status = bw_scan_fail(s, BW_E_SYNTAX, "a view needs three integer tags");
+    if (status == BW_OK && wholes < 3)
+        status = bw_scan_fail(s, BW_E_SYNTAX, "a view needs three integer tags");
     for (int64_t i = 0; i < wholes && status == BW_OK; i++) {
         status = bw_scan_whole(s, &value);
         if (i == 1) *components = value;
@@ -375,7 +405,8 @@ static bw_status read_view(reader *r) {
     view v = {.rows = 0};
     int64_t components = 0, tag, nodes = 0;
     bw_status status = read_view_header(r, &v, &components);
-    if (status == BW_OK) status = bw_scan_count(&r->scan, "rows", v.rows, BW_INPUT_CELLS_MAX, r->binary ? 8 : 4);
+    if (status == BW_OK)
+        status = bw_scan_count(&r->scan, "rows", v.rows, BW_INPUT_CELLS_MAX, r->binary ? 8 : 4);
     if (status == BW_OK) status = bw_scan_count(&r->scan, "components", components, 1 << 16, 0);
     if (status != BW_OK) return status;
     v.scan = r->scan;
@@ -393,7 +424,9 @@ static bw_status read_view(reader *r) {
     return status == BW_OK ? expect_end(r, "ElementNodeData") : status;
 }
 
-static const char *view_name(const void *user, size_t i) { return ((const view *)user)[i].name; }
+static const char *view_name(const void *user, size_t i) {
+    return ((const view *)user)[i].name;
+}
 
 static bw_status take_row(reader *r, uint8_t *given) {
     int64_t tag = 0, nodes = 0;
@@ -402,25 +435,33 @@ static bw_status take_row(reader *r, uint8_t *given) {
     if (status != BW_OK) return status;
     if (nodes != 4) return pass_values(r, 3 * nodes);
     int64_t tet = bw_tags_find(&r->tets, tag);
-    if (tet < 0) return bw_scan_fail(&r->scan, BW_E_INDEX, "there is no tet with the tag %lld", (long long)tag);
-    if (given[tet]) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "the tet with the tag %lld has parameters already", (long long)tag);
+    if (tet < 0)
+        return bw_scan_fail(&r->scan, BW_E_INDEX, "there is no tet with the tag %lld", (long long)tag);
+    if (given[tet])
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "the tet with the tag %lld has parameters already",
+                            (long long)tag);
     given[tet] = 1;
     r->scan.kind = "tet", r->scan.record = tet;
-    for (int i = 0; i < 12 && status == BW_OK; i++) status = take_real(r, &r->mesh->parameter[tet][i / 3][i % 3]);
+    for (int i = 0; i < 12 && status == BW_OK; i++)
+        status = take_real(r, &r->mesh->parameter[tet][i / 3][i % 3]);
     return status;
 }
 
 static bw_status read_parameters(reader *r) {
     int64_t best = bw_input_choose(view_name, r->view, r->view_count);
     if (best == -1)
-        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "no $ElementNodeData has 3 components: the parametrization is missing");
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX,
+                            "no $ElementNodeData has 3 components: the parametrization is missing");
     if (best == -2)
-        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "%zu views have 3 components, and none is named parametrization, uvw or param", r->view_count);
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX,
+                            "%zu views have 3 components, and none is named parametrization, uvw or param",
+                            r->view_count);
     bw_tet_mesh *m = r->mesh;
     r->scan = r->view[best].scan;
     int64_t rows = r->view[best].rows;
     if ((size_t)rows < m->tet_count)
-        return bw_scan_fail(&r->scan, BW_E_TRUNCATED, "%lld rows of parameters for %zu tets", (long long)rows, m->tet_count);
+        return bw_scan_fail(&r->scan, BW_E_TRUNCATED, "%lld rows of parameters for %zu tets", (long long)rows,
+                            m->tet_count);
     uint8_t *given = bw_alloc(r->ctx, m->tet_count, 1);
     m->parameter = bw_alloc(r->ctx, m->tet_count, sizeof *m->parameter);
     bw_status status = given && m->parameter ? BW_OK : r->ctx->error.status;
@@ -437,7 +478,7 @@ static bw_status read_parameters(reader *r) {
     return status;
 }
 
-/* ---- the file ------------------------------------------------------------------------------------------------------ */
+/* ---- the file ------------------------------------------------------------------------------------------ */
 
 static bw_status read_format(reader *r) {
     bw_scan *s = &r->scan;
@@ -445,22 +486,28 @@ static bw_status read_format(reader *r) {
     int64_t type = 0, size = 0;
     char text[40];
     bw_status status = bw_scan_word(s, &word);
-    if (status == BW_OK && !bw_word_is(word, "$MeshFormat")) status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with $MeshFormat");
+    if (status == BW_OK && !bw_word_is(word, "$MeshFormat"))
+        status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with $MeshFormat");
     if (status == BW_OK) status = bw_scan_word(s, &version);
     if (status == BW_OK) status = bw_scan_whole(s, &type);
     if (status == BW_OK) status = bw_scan_whole(s, &size);
     if (status != BW_OK) return status;
     r->version_4 = bw_word_is(version, "4.1");
-    if (!r->version_4 && !bw_word_is(version, "2.2") && !bw_word_is(version, "2.1") && !bw_word_is(version, "2"))
-        return bw_scan_fail(s, BW_E_SYNTAX, "version '%s' is not read; 4.1 and 2.2 are", bw_word_show(version, text, sizeof text));
-    if (type < 0 || type > 1 || size != 8) return bw_scan_fail(s, BW_E_SYNTAX, "the file type is neither 0 (text) nor 1 (binary) with sizes of 8 bytes");
+    if (!r->version_4 && !bw_word_is(version, "2.2") && !bw_word_is(version, "2.1") &&
+        !bw_word_is(version, "2"))
+        return bw_scan_fail(s, BW_E_SYNTAX, "version '%s' is not read; 4.1 and 2.2 are",
+                            bw_word_show(version, text, sizeof text));
+    if (type < 0 || type > 1 || size != 8)
+        return bw_scan_fail(s, BW_E_SYNTAX,
+                            "the file type is neither 0 (text) nor 1 (binary) with sizes of 8 bytes");
     r->binary = s->binary = type;
     bw_scan_line(s);
     if (r->binary) {
         int64_t one = 0;
         status = take_int(r, &one);
         r->swap = one == 1 << 24;
-        if (status == BW_OK && one != 1 && !r->swap) status = bw_scan_fail(s, BW_E_SYNTAX, "the mark of the byte order is neither");
+        if (status == BW_OK && one != 1 && !r->swap)
+            status = bw_scan_fail(s, BW_E_SYNTAX, "the mark of the byte order is neither");
     }
     return status == BW_OK ? expect_end(r, "MeshFormat") : status;
 }
@@ -482,8 +529,10 @@ static bw_status pass_section(reader *r, bw_word name) {
 static bw_status read_section(reader *r, bw_word word) {
     char text[40];
     if (!bw_word_starts(word, "$") || bw_word_starts(word, "$End"))
-        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where a section is due", bw_word_show(word, text, sizeof text));
-    bool text_section = bw_word_is(word, "$PhysicalNames") || bw_word_is(word, "$ElementNodeData") || !r->version_4;
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where a section is due",
+                            bw_word_show(word, text, sizeof text));
+    bool text_section =
+        bw_word_is(word, "$PhysicalNames") || bw_word_is(word, "$ElementNodeData") || !r->version_4;
     if (r->binary && !text_section) bw_scan_line(&r->scan); /* binary values begin on the next line */
     if (bw_word_is(word, "$PhysicalNames")) return read_names(r);
     if (bw_word_is(word, "$Entities") && r->version_4) return read_entities(r);
@@ -508,7 +557,9 @@ static bw_status read_all(reader *r) {
         if (status == BW_OK) status = read_section(r, word);
     }
     if (status != BW_OK) return status;
-    if (!r->has_elements) return bw_scan_fail(&r->scan, BW_E_TRUNCATED, "the input ends without %s", r->mesh->position ? "elements" : "nodes");
+    if (!r->has_elements)
+        return bw_scan_fail(&r->scan, BW_E_TRUNCATED, "the input ends without %s",
+                            r->mesh->position ? "elements" : "nodes");
     if (!r->mesh->tet_count) return bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets");
     void *tets = bw_resize(r->ctx, r->mesh->tet, r->mesh->tet_count, sizeof *r->mesh->tet);
     if (!tets) return r->ctx->error.status;

@@ -15,7 +15,8 @@ bw_status bw_tags_add(bw_context *ctx, bw_tags *tags, int64_t tag) {
 
 static int by_tag(const void *a, const void *b) {
     const bw_tag *x = a, *y = b;
-    return x->tag != y->tag ? (x->tag > y->tag) - (x->tag < y->tag) : (x->index > y->index) - (x->index < y->index);
+    return x->tag != y->tag ? (x->tag > y->tag) - (x->tag < y->tag)
+                            : (x->index > y->index) - (x->index < y->index);
 }
 
 bool bw_tags_end(bw_tags *tags, int64_t *twice) {

@@ -17,7 +17,8 @@ typedef struct {
 
 /* Adds the tag of index `count`. */
 bw_status bw_tags_add(bw_context *ctx, bw_tags *tags, int64_t tag);
-/* After the last one. *twice: a tag that occurs twice, if it returns false. O(n), or O(n log n) if they are not dense. */
+/* After the last one. *twice: a tag that occurs twice, if it returns false. O(n), or O(n log n) if they are
+ * not dense. */
 bool bw_tags_end(bw_tags *tags, int64_t *twice);
 /* -1 if there is none. */
 int64_t bw_tags_find(const bw_tags *tags, int64_t tag);

@@ -19,25 +19,27 @@ typedef struct {
     bw_tet_mesh *mesh;
     size_t count[OWNERS];
     bw_vertex (*edge)[2];
-    int32_t (*face)[3];     /* [face]: halfedges */
-    int32_t (*cell)[4];     /* [tet]: halffaces */
-    uint8_t *used;          /* [halfface] by a tet */
-    property *parameters;   /* HFProps of type vec3d */
+    int32_t (*face)[3];   /* [face]: halfedges */
+    int32_t (*cell)[4];   /* [tet]: halffaces */
+    uint8_t *used;        /* [halfface] by a tet */
+    property *parameters; /* HFProps of type vec3d */
     size_t property_count, property_room;
     bool has_feature[OWNERS];
     bw_scan feature[OWNERS];
 } reader;
 
-/* ---- topology ---------------------------------------------------------------------------------------------------- */
+/* ---- topology ------------------------------------------------------------------------------------------ */
 
-static bw_status begin_list(reader *r, const char *title, const char *plural, int64_t most, uint64_t bytes, int64_t *count) {
+static bw_status begin_list(reader *r, const char *title, const char *plural, int64_t most, uint64_t bytes,
+                            int64_t *count) {
     bw_scan *s = &r->scan;
     bw_word word = {0};
     char text[40];
     s->kind = NULL;
     bw_status status = bw_scan_word(s, &word);
     if (status == BW_OK && !bw_word_is(word, title))
-        status = bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where %s is due", bw_word_show(word, text, sizeof text), title);
+        status = bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where %s is due",
+                              bw_word_show(word, text, sizeof text), title);
     if (status == BW_OK) status = bw_scan_whole(s, count);
     return status == BW_OK ? bw_scan_count(s, plural, *count, most, bytes) : status;
 }
@@ -46,7 +48,8 @@ static bw_status read_vertices(reader *r) {
     int64_t count = 0;
     bw_tet_mesh *m = r->mesh;
     bw_status status = begin_list(r, "Vertices", "vertices", BW_INPUT_VERTICES_MAX, 6, &count);
-    if (status == BW_OK && !(m->position = bw_alloc(r->ctx, (size_t)count, sizeof *m->position))) status = r->ctx->error.status;
+    if (status == BW_OK && !(m->position = bw_alloc(r->ctx, (size_t)count, sizeof *m->position)))
+        status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "vertex", i);
         for (int k = 0; k < 3 && status == BW_OK; k++) status = bw_scan_number(&r->scan, &m->position[i][k]);
@@ -58,32 +61,43 @@ static bw_status read_vertices(reader *r) {
 static bw_status read_edges(reader *r) {
     int64_t count = 0;
     bw_status status = begin_list(r, "Edges", "edges", INT32_MAX / 2, 4, &count);
-    if (status == BW_OK && !(r->edge = bw_alloc(r->ctx, (size_t)count, sizeof *r->edge))) status = r->ctx->error.status;
+    if (status == BW_OK && !(r->edge = bw_alloc(r->ctx, (size_t)count, sizeof *r->edge)))
+        status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "edge", i);
-        for (int k = 0; k < 2 && status == BW_OK; k++) status = bw_scan_index(&r->scan, 0, r->count[OF_VERTICES], &r->edge[i][k]);
+        for (int k = 0; k < 2 && status == BW_OK; k++)
+            status = bw_scan_index(&r->scan, 0, r->count[OF_VERTICES], &r->edge[i][k]);
     }
     r->count[OF_EDGES] = (size_t)count, r->count[OF_HALFEDGES] = 2 * (size_t)count;
     return status;
 }
 
-static bw_vertex start_of(const reader *r, int32_t halfedge) { return r->edge[halfedge >> 1][halfedge & 1]; }
-static bw_vertex end_of(const reader *r, int32_t halfedge) { return r->edge[halfedge >> 1][1 - (halfedge & 1)]; }
+static bw_vertex start_of(const reader *r, int32_t halfedge) {
+    return r->edge[halfedge >> 1][halfedge & 1];
+}
+static bw_vertex end_of(const reader *r, int32_t halfedge) {
+    return r->edge[halfedge >> 1][1 - (halfedge & 1)];
+}
 
 static bw_status read_face(reader *r, int32_t face[3]) {
     int64_t corners = 0;
     bw_status status = bw_scan_whole(&r->scan, &corners);
-    if (status == BW_OK && corners != 3) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "%lld corners; only triangles are read", (long long)corners);
-    for (int k = 0; k < 3 && status == BW_OK; k++) status = bw_scan_index(&r->scan, 0, r->count[OF_HALFEDGES], &face[k]);
+    if (status == BW_OK && corners != 3)
+        status =
+            bw_scan_fail(&r->scan, BW_E_SYNTAX, "%lld corners; only triangles are read", (long long)corners);
     for (int k = 0; k < 3 && status == BW_OK; k++)
-        if (end_of(r, face[k]) != start_of(r, face[(k + 1) % 3])) status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "its halfedges are no closed walk");
+        status = bw_scan_index(&r->scan, 0, r->count[OF_HALFEDGES], &face[k]);
+    for (int k = 0; k < 3 && status == BW_OK; k++)
+        if (end_of(r, face[k]) != start_of(r, face[(k + 1) % 3]))
+            status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "its halfedges are no closed walk");
     return status;
 }
 
 static bw_status read_faces(reader *r) {
     int64_t count = 0;
     bw_status status = begin_list(r, "Faces", "faces", INT32_MAX / 2, 8, &count);
-    if (status == BW_OK && !(r->face = bw_alloc(r->ctx, (size_t)count, sizeof *r->face))) status = r->ctx->error.status;
+    if (status == BW_OK && !(r->face = bw_alloc(r->ctx, (size_t)count, sizeof *r->face)))
+        status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "face", i);
         if (status == BW_OK) status = read_face(r, r->face[i]);
@@ -122,11 +136,16 @@ static bw_status read_cell(reader *r, int64_t t) {
     int64_t faces = 0;
     bw_vertex *tet = r->mesh->tet[t], corner[3];
     bw_status status = bw_scan_whole(s, &faces);
-    if (status == BW_OK && faces != 4) status = bw_scan_fail(s, BW_E_SYNTAX, "%lld halffaces; only tets are read", (long long)faces);
-    for (int k = 0; k < 4 && status == BW_OK; k++) status = bw_scan_index(s, 0, r->count[OF_HALFFACES], &r->cell[t][k]);
+    if (status == BW_OK && faces != 4)
+        status = bw_scan_fail(s, BW_E_SYNTAX, "%lld halffaces; only tets are read", (long long)faces);
+    for (int k = 0; k < 4 && status == BW_OK; k++)
+        status = bw_scan_index(s, 0, r->count[OF_HALFFACES], &r->cell[t][k]);
     for (int k = 0; k < 4 && status == BW_OK; k++) {
-        if (r->used[r->cell[t][k]]) status = bw_scan_fail(s, BW_E_SYNTAX, "halfface %d belongs to another tet already", r->cell[t][k]);
-        else r->used[r->cell[t][k]] = 1;
+        if (r->used[r->cell[t][k]])
+            status =
+                bw_scan_fail(s, BW_E_SYNTAX, "halfface %d belongs to another tet already", r->cell[t][k]);
+        else
+            r->used[r->cell[t][k]] = 1;
     }
     if (status != BW_OK) return status;
     corners_of(r, r->cell[t][0], tet);
@@ -146,9 +165,12 @@ static bw_status read_cells(reader *r) {
     int64_t count = 0;
     bw_tet_mesh *m = r->mesh;
     bw_status status = begin_list(r, "Polyhedra", "tets", BW_INPUT_TETS_MAX, 10, &count);
-    if (status == BW_OK && !(m->tet = bw_alloc(r->ctx, (size_t)count, sizeof *m->tet))) status = r->ctx->error.status;
-    if (status == BW_OK && !(r->cell = bw_alloc(r->ctx, (size_t)count, sizeof *r->cell))) status = r->ctx->error.status;
-    if (status == BW_OK && !(r->used = bw_alloc(r->ctx, r->count[OF_HALFFACES], 1))) status = r->ctx->error.status;
+    if (status == BW_OK && !(m->tet = bw_alloc(r->ctx, (size_t)count, sizeof *m->tet)))
+        status = r->ctx->error.status;
+    if (status == BW_OK && !(r->cell = bw_alloc(r->ctx, (size_t)count, sizeof *r->cell)))
+        status = r->ctx->error.status;
+    if (status == BW_OK && !(r->used = bw_alloc(r->ctx, r->count[OF_HALFFACES], 1)))
+        status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "tet", i);
         if (status == BW_OK) status = read_cell(r, i);
@@ -158,7 +180,7 @@ static bw_status read_cells(reader *r) {
     return status;
 }
 
-/* ---- properties -------------------------------------------------------------------------------------------------- */
+/* ---- properties ---------------------------------------------------------------------------------------- */
 
 static const char *const titles[OWNERS] = {"VProp", "EProp", "HEProp", "FProp", "HFProp", "CProp", "MProp"};
 
@@ -167,8 +189,9 @@ static int numbers_of(bw_word type) {
     static const struct {
         const char *name;
         int numbers;
-    } types[] = {{"int", 1}, {"unsigned int", 1}, {"uint", 1}, {"short", 1}, {"long", 1}, {"unsigned long", 1}, {"bool", 1}, {"float", 1},
-                 {"double", 1}, {"vec2d", 2}, {"vec2f", 2}, {"vec3d", 3}, {"vec3f", 3}, {"vec4d", 4}, {"vec4f", 4}};
+    } types[] = {{"int", 1},           {"unsigned int", 1}, {"uint", 1},  {"short", 1},  {"long", 1},
+                 {"unsigned long", 1}, {"bool", 1},         {"float", 1}, {"double", 1}, {"vec2d", 2},
+                 {"vec2f", 2},         {"vec3d", 3},        {"vec3f", 3}, {"vec4d", 4},  {"vec4f", 4}};
     for (size_t i = 0; i < sizeof types / sizeof *types; i++)
         if (bw_word_is(type, types[i].name)) return types[i].numbers;
     return 0;
@@ -196,7 +219,8 @@ static bw_status pass_values(reader *r, uint64_t count) {
     bw_word word;
     bw_status status = bw_scan_count(&r->scan, "values", (int64_t)count, INT64_MAX, 2);
     for (uint64_t i = 0; i < count && status == BW_OK; i++) {
-        if (bw_scan_blanks(&r->scan) && ends_properties(&r->scan)) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "values are missing before this property");
+        if (bw_scan_blanks(&r->scan) && ends_properties(&r->scan))
+            return bw_scan_fail(&r->scan, BW_E_SYNTAX, "values are missing before this property");
         status = bw_scan_word(&r->scan, &word);
         if (status == BW_OK && i % 65536 == 0) status = bw_poll(r->ctx);
     }
@@ -218,16 +242,19 @@ static bw_status read_property(reader *r, owner of) {
     bw_word line = bw_scan_line(s), type;
     char name[80], text[40];
     if (!split_title(line, &type, name))
-        return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where a type and a name in quotes are due", bw_word_show(line, text, sizeof text));
+        return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where a type and a name in quotes are due",
+                            bw_word_show(line, text, sizeof text));
     if (of == OF_HALFFACES && bw_word_is(type, "vec3d")) {
         bw_status status = bw_reserve(r->ctx, &r->parameters, &r->property_room, r->property_count + 1);
         if (status != BW_OK) return status;
         property *p = &r->parameters[r->property_count++];
         p->scan = *s;
-        snprintf(p->name, sizeof p->name, "%s", strcasecmp(name, "HexHex::Parametrization") ? name : "parametrization");
+        snprintf(p->name, sizeof p->name, "%s",
+                 strcasecmp(name, "HexHex::Parametrization") ? name : "parametrization");
     }
     if (!strcmp(name, "feature") && (of == OF_VERTICES || of == OF_EDGES || of == OF_FACES)) {
-        if (!bw_word_is(type, "int") && !bw_word_is(type, "bool")) return bw_scan_fail(s, BW_E_SYNTAX, "the property feature is neither int nor bool");
+        if (!bw_word_is(type, "int") && !bw_word_is(type, "bool"))
+            return bw_scan_fail(s, BW_E_SYNTAX, "the property feature is neither int nor bool");
         if (r->has_feature[of]) return bw_scan_fail(s, BW_E_SYNTAX, "a second %s feature", titles[of]);
         r->has_feature[of] = true;
         r->feature[of] = *s;
@@ -246,13 +273,15 @@ static bw_status read_properties(reader *r) {
         if (status != BW_OK) break;
         int of = 0;
         while (of < OWNERS && !bw_word_is(word, titles[of])) of++;
-        if (of == OWNERS) return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where a property is due", bw_word_show(word, text, sizeof text));
+        if (of == OWNERS)
+            return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where a property is due",
+                                bw_word_show(word, text, sizeof text));
         status = read_property(r, (owner)of);
     }
     return status;
 }
 
-/* ---- what they say ----------------------------------------------------------------------------------------------- */
+/* ---- what they say ------------------------------------------------------------------------------------- */
 
 static bw_status take_features(reader *r, owner of, int corners) {
     bw_scan *s = &r->feature[of];
@@ -262,7 +291,11 @@ static bw_status take_features(reader *r, owner of, int corners) {
     for (size_t i = 0; i < r->count[of] && status == BW_OK; i++) {
         int64_t value = 0;
         bw_vertex corner[3] = {(bw_vertex)i};
-        status = bw_scan_record(s, of == OF_VERTICES ? "vertex" : of == OF_EDGES ? "edge" : "face", (int64_t)i);
+        status = bw_scan_record(s,
+                                of == OF_VERTICES ? "vertex"
+                                : of == OF_EDGES  ? "edge"
+                                                  : "face",
+                                (int64_t)i);
         if (status == BW_OK) status = bw_scan_whole(s, &value);
         if (status != BW_OK || !value) continue;
         if (of == OF_EDGES) memcpy(corner, r->edge[i], sizeof r->edge[i]);
@@ -272,18 +305,24 @@ static bw_status take_features(reader *r, owner of, int corners) {
     return status;
 }
 
-static const char *property_name(const void *user, size_t i) { return ((const property *)user)[i].name; }
+static const char *property_name(const void *user, size_t i) {
+    return ((const property *)user)[i].name;
+}
 
 /* The values of all halffaces, in their order, then to the corners opposite. */
 static bw_status take_parameters(reader *r) {
     bw_tet_mesh *m = r->mesh;
     int64_t best = bw_input_choose(property_name, r->parameters, r->property_count);
-    if (best == -1) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "there is no HFProp of type vec3d: the parametrization is missing");
+    if (best == -1)
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX,
+                            "there is no HFProp of type vec3d: the parametrization is missing");
     if (best == -2)
-        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "%zu HFProps have the type vec3d, and none is named HexHex::Parametrization, "
-                            "parametrization, uvw or param", r->property_count);
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX,
+                            "%zu HFProps have the type vec3d, and none is named HexHex::Parametrization, "
+                            "parametrization, uvw or param",
+                            r->property_count);
     bw_scan *s = &r->parameters[best].scan;
-    double (*value)[3] = bw_alloc(r->ctx, r->count[OF_HALFFACES], sizeof *value);
+    double(*value)[3] = bw_alloc(r->ctx, r->count[OF_HALFFACES], sizeof *value);
     m->parameter = bw_alloc(r->ctx, m->tet_count, sizeof *m->parameter);
     bw_status status = value && m->parameter ? BW_OK : r->ctx->error.status;
     for (size_t i = 0; i < r->count[OF_HALFFACES] && status == BW_OK; i++) {
@@ -292,7 +331,8 @@ static bw_status take_parameters(reader *r) {
     }
     for (size_t t = 0; t < m->tet_count && status == BW_OK; t++)
         for (int k = 0; k < 4; k++)
-            memcpy(m->parameter[t][opposite_of(r, m->tet[t], r->cell[t][k])], value[r->cell[t][k]], sizeof *value);
+            memcpy(m->parameter[t][opposite_of(r, m->tet[t], r->cell[t][k])], value[r->cell[t][k]],
+                   sizeof *value);
     bw_free(r->ctx, value);
     return status;
 }
@@ -302,9 +342,11 @@ static bw_status read_all(reader *r) {
     bw_word word = {0};
     s->comment = '#';
     bw_status status = bw_scan_word(s, &word);
-    if (status == BW_OK && !bw_word_is(word, "OVM")) status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with OVM ASCII");
+    if (status == BW_OK && !bw_word_is(word, "OVM"))
+        status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with OVM ASCII");
     if (status == BW_OK) status = bw_scan_word(s, &word);
-    if (status == BW_OK && !bw_word_is(word, "ASCII")) status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with OVM ASCII");
+    if (status == BW_OK && !bw_word_is(word, "ASCII"))
+        status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with OVM ASCII");
     if (status == BW_OK) status = read_vertices(r);
     if (status == BW_OK) status = read_edges(r);
     if (status == BW_OK) status = read_faces(r);
@@ -322,7 +364,8 @@ bw_status bw_ovm_read_memory(bw_context *ctx, const void *data, size_t size, bw_
     reader r = {.scan = bw_scan_open(ctx, data, size), .ctx = ctx, .mesh = mesh};
     bw_status status = read_all(&r);
     if (status == BW_OK) bw_progress(ctx, 1);
-    bw_free(ctx, r.edge), bw_free(ctx, r.face), bw_free(ctx, r.cell), bw_free(ctx, r.used), bw_free(ctx, r.parameters);
+    bw_free(ctx, r.edge), bw_free(ctx, r.face), bw_free(ctx, r.cell), bw_free(ctx, r.used),
+        bw_free(ctx, r.parameters);
     if (status != BW_OK) bw_tet_mesh_clear(ctx, mesh);
     return status;
 }

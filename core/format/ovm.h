@@ -7,17 +7,21 @@
  *     Polyhedra    n, then n lines  4 hf hf hf hf
  *     HFProp vec3d "HexHex::Parametrization"         then a line per halfface  u v w
  *
- * Parameters: the value of a halfface of a tet is the parameter, in this tet, of the corner opposite to it (the README of libHexHex
- * tells so: "each (non-boundary) halfface is expected to store the vertex parameter of its opposing vertex in its
- * incident cell"); values of halffaces on the outside must be numbers and are not used. Names, looked for in this order, letters of either case are the same:
- * "HexHex::Parametrization", "parametrization", "uvw", "param"; else the only HFProp of type vec3d.
- * Features: VProp, EProp, FProp of type int or bool named "feature", non-zero there; none without such a property.
+ * Parameters: the value of a halfface of a tet is the parameter, in this tet, of the corner opposite to it
+ * (the README of libHexHex tells so: "each (non-boundary) halfface is expected to store the vertex parameter
+ * of its opposing vertex in its incident cell"); values of halffaces on the outside must be numbers and are
+ * not used. Names, looked for in this order, letters of either case are the same: "HexHex::Parametrization",
+ * "parametrization", "uvw", "param"; else the only HFProp of type vec3d.
+ * Features: VProp, EProp, FProp of type int or bool named "feature", non-zero there; none without such a
+ * property.
  *
- * Corners of a tet: 0, 1, 2 are those of its first halfface, in the order in which its halfedges begin; 3 is the other one.
- * Properties of other types and names are passed over. From # to the end of a line there may be comments.
+ * Corners of a tet: 0, 1, 2 are those of its first halfface, in the order in which its halfedges begin; 3 is
+ * the other one. Properties of other types and names are passed over. From # to the end of a line there may
+ * be comments.
  *
- * The input is hostile until read (input_scan.h). Errors, each with its line and the element ("vertex", "edge", "face", "tet", "halfface"): as
- * of bw_vtk_read_memory. Faces that are no triangles and polyhedra that are no tets are BW_E_SYNTAX. O(bytes).
+ * The input is hostile until read (input_scan.h). Errors, each with its line and the element ("vertex",
+ * "edge", "face", "tet", "halfface"): as of bw_vtk_read_memory. Faces that are no triangles and polyhedra
+ * that are no tets are BW_E_SYNTAX. O(bytes).
  */
 #ifndef BW_FORMAT_OVM_H
 #define BW_FORMAT_OVM_H

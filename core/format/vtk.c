@@ -15,29 +15,39 @@ typedef struct {
     bw_vtk_grid grid;
     bool binary;
     int major;
-    owner owner;       /* whose attributes are being read */
-    int64_t rows;      /* of them */
+    owner owner;  /* whose attributes are being read */
+    int64_t rows; /* of them */
 } reader;
 
-/* ---- small things ------------------------------------------------------------------------------------------------ */
+/* ---- small things -------------------------------------------------------------------------------------- */
 
 static bw_status expect_word(reader *r, const char *wanted) {
     bw_word word;
     char text[40];
     bw_status status = bw_scan_word(&r->scan, &word);
     if (status != BW_OK || bw_word_is(word, wanted)) return status;
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where %s is due", bw_word_show(word, text, sizeof text), wanted);
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' stands where %s is due",
+                        bw_word_show(word, text, sizeof text), wanted);
 }
 
 static bw_status read_format(reader *r, bw_vtk_format *format) {
     static const struct {
         const char *name;
         bw_vtk_type type;
-    } types[] = {{"char", BW_VTK_INT8}, {"unsigned_char", BW_VTK_UINT8}, {"signed_char", BW_VTK_INT8},
-                 {"short", BW_VTK_INT16}, {"unsigned_short", BW_VTK_UINT16}, {"int", BW_VTK_INT32},
-                 {"unsigned_int", BW_VTK_UINT32}, {"long", BW_VTK_INT64}, {"unsigned_long", BW_VTK_UINT64},
-                 {"vtktypeint64", BW_VTK_INT64}, {"vtktypeuint64", BW_VTK_UINT64}, {"vtkidtype", BW_VTK_INT32},
-                 {"float", BW_VTK_FLOAT32}, {"double", BW_VTK_FLOAT64}};
+    } types[] = {{"char", BW_VTK_INT8},
+                 {"unsigned_char", BW_VTK_UINT8},
+                 {"signed_char", BW_VTK_INT8},
+                 {"short", BW_VTK_INT16},
+                 {"unsigned_short", BW_VTK_UINT16},
+                 {"int", BW_VTK_INT32},
+                 {"unsigned_int", BW_VTK_UINT32},
+                 {"long", BW_VTK_INT64},
+                 {"unsigned_long", BW_VTK_UINT64},
+                 {"vtktypeint64", BW_VTK_INT64},
+                 {"vtktypeuint64", BW_VTK_UINT64},
+                 {"vtkidtype", BW_VTK_INT32},
+                 {"float", BW_VTK_FLOAT32},
+                 {"double", BW_VTK_FLOAT64}};
     bw_word word;
     bw_status status = bw_scan_word(&r->scan, &word);
     if (status != BW_OK) return status;
@@ -48,7 +58,8 @@ static bw_status read_format(reader *r, bw_vtk_format *format) {
             return BW_OK;
         }
     char text[40];
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "values of type '%s' are not read", bw_word_show(word, text, sizeof text));
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "values of type '%s' are not read",
+                        bw_word_show(word, text, sizeof text));
 }
 
 /* Binary values begin after the line break of the line that announces them. */
@@ -56,7 +67,8 @@ static bw_status end_of_line(reader *r) {
     bw_word rest = bw_scan_line(&r->scan);
     char text[40];
     if (!rest.length) return BW_OK;
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' is more than belongs on the line", bw_word_show(rest, text, sizeof text));
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' is more than belongs on the line",
+                        bw_word_show(rest, text, sizeof text));
 }
 
 /* A name of an array, in which VTK writes blanks and others as %20. */
@@ -65,15 +77,18 @@ static void take_name(bw_word word, char *name, size_t room) {
     for (size_t i = 0; i < word.length && n + 1 < room; i++) {
         unsigned code = 0;
         char hex[3] = {0};
-        if (word.text[i] == '%' && word.length - i > 2 && (memcpy(hex, word.text + i + 1, 2), sscanf(hex, "%2x", &code) == 1)) i += 2;
+        if (word.text[i] == '%' && word.length - i > 2 &&
+            (memcpy(hex, word.text + i + 1, 2), sscanf(hex, "%2x", &code) == 1))
+            i += 2;
         name[n++] = code ? (char)code : word.text[i];
     }
     name[n] = 0;
 }
 
-/* ---- attributes -------------------------------------------------------------------------------------------------- */
+/* ---- attributes ---------------------------------------------------------------------------------------- */
 
-static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64_t count, bw_scan *scan, void **owned) {
+static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64_t count, bw_scan *scan,
+                            void **owned) {
     (void)grid, (void)count;
     *owned = NULL;
     *scan = array->scan;
@@ -83,12 +98,14 @@ static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64
 /* After the word METADATA: to the next blank line. */
 static bw_status pass_metadata(reader *r) {
     bw_status status = end_of_line(r);
-    while (status == BW_OK && bw_scan_left(&r->scan) && bw_scan_line(&r->scan).length) {}
+    while (status == BW_OK && bw_scan_left(&r->scan) && bw_scan_line(&r->scan).length) {
+    }
     return status;
 }
 
 /* At the values of an array: notes it down if it is one of the cells', and passes it. */
-static bw_status take_array(reader *r, const char *name, bw_vtk_format format, int64_t components, int64_t rows, bool of_cells) {
+static bw_status take_array(reader *r, const char *name, bw_vtk_format format, int64_t components,
+                            int64_t rows, bool of_cells) {
     bw_scan *s = &r->scan;
     bw_vtk_grid *g = &r->grid;
     bw_status status = bw_scan_count(s, "components", components, COMPONENTS_MAX, 0);
@@ -98,7 +115,8 @@ static bw_status take_array(reader *r, const char *name, bw_vtk_format format, i
     if (of_cells && (components == 12 || !strcmp(name, "feature"))) {
         if (rows != r->rows)
             return bw_scan_fail(s, BW_E_COUNT, "the array has %lld rows, not one per cell", (long long)rows);
-        if ((status = bw_reserve(g->ctx, &g->array, &g->array_room, g->array_count + 1)) != BW_OK) return status;
+        if ((status = bw_reserve(g->ctx, &g->array, &g->array_room, g->array_count + 1)) != BW_OK)
+            return status;
         bw_vtk_array *a = &g->array[g->array_count++];
         *a = (bw_vtk_array){.format = format, .components = components, .scan = *s};
         snprintf(a->name, sizeof a->name, "%s", name);
@@ -183,7 +201,7 @@ static bw_status read_colours(reader *r, bool table) {
     return take_array(r, name, format, table ? 4 : count, table ? count : r->rows, false);
 }
 
-/* ---- geometry ---------------------------------------------------------------------------------------------------- */
+/* ---- geometry ------------------------------------------------------------------------------------------ */
 
 static bw_status read_points(reader *r) {
     int64_t count = 0;
@@ -202,7 +220,8 @@ static bw_status read_counted_cells(reader *r, int64_t cells, int64_t size) {
     bw_status status = bw_scan_count(s, "cells", cells, BW_INPUT_CELLS_MAX, r->binary ? 4 : 2);
     if (status == BW_OK) status = bw_vtk_check_count(s, format, "numbers of cells", size);
     if (status == BW_OK && size < cells)
-        status = bw_scan_fail(s, BW_E_COUNT, "%lld numbers are too few for %lld cells", (long long)size, (long long)cells);
+        status = bw_scan_fail(s, BW_E_COUNT, "%lld numbers are too few for %lld cells", (long long)size,
+                              (long long)cells);
     if (status != BW_OK) return status;
     g->begin = bw_alloc(g->ctx, (size_t)cells + 1, sizeof *g->begin);
     g->corner = bw_alloc(g->ctx, (size_t)(size - cells), sizeof *g->corner);
@@ -213,9 +232,11 @@ static bw_status read_counted_cells(reader *r, int64_t cells, int64_t size) {
         size_t at = (size_t)g->begin[c];
         status = bw_scan_record(s, "cell", (int64_t)c);
         if (status == BW_OK) status = bw_vtk_wholes(s, format, 1, &n);
-        if (status == BW_OK && (n < 0 || n > 16)) status = bw_scan_fail(s, BW_E_SYNTAX, "%lld corners: no cell that is read", (long long)n);
+        if (status == BW_OK && (n < 0 || n > 16))
+            status = bw_scan_fail(s, BW_E_SYNTAX, "%lld corners: no cell that is read", (long long)n);
         if (status == BW_OK && (size_t)n > g->corner_count - at)
-            status = bw_scan_fail(s, BW_E_COUNT, "the cells have more numbers than the %lld announced", (long long)size);
+            status = bw_scan_fail(s, BW_E_COUNT, "the cells have more numbers than the %lld announced",
+                                  (long long)size);
         if (status == BW_OK) status = bw_vtk_wholes(s, format, (size_t)n, value);
         for (int64_t i = 0; i < n && status == BW_OK; i++) {
             status = bw_scan_check_index(s, value[i], 0, g->mesh->vertex_count);
@@ -261,11 +282,12 @@ static bw_status read_types(reader *r) {
     if (!r->grid.begin) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "types of cells come before the cells");
     if (r->grid.type) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "there are types of cells already");
     if (count < 0 || (size_t)count != r->grid.cell_count)
-        return bw_scan_fail(&r->scan, BW_E_COUNT, "%lld types for %zu cells", (long long)count, r->grid.cell_count);
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "%lld types for %zu cells", (long long)count,
+                            r->grid.cell_count);
     return bw_vtk_read_types(&r->grid, &r->scan, format);
 }
 
-/* ---- the file ---------------------------------------------------------------------------------------------------- */
+/* ---- the file ------------------------------------------------------------------------------------------ */
 
 static bw_status begin_attributes(reader *r, owner of) {
     bw_status status = bw_scan_whole(&r->scan, &r->rows);
@@ -283,8 +305,8 @@ static bw_status read_section(reader *r, bw_word word) {
     static const struct {
         const char *name;
         int64_t components; /* 0: written in the file */
-    } tuples[] = {{"VECTORS", 3}, {"NORMALS", 3}, {"TENSORS", 9}, {"TENSORS6", 6}, {"GLOBAL_IDS", 1}, {"PEDIGREE_IDS", 1},
-                  {"EDGE_FLAGS", 1}, {"TEXTURE_COORDINATES", 0}};
+    } tuples[] = {{"VECTORS", 3},    {"NORMALS", 3},      {"TENSORS", 9},    {"TENSORS6", 6},
+                  {"GLOBAL_IDS", 1}, {"PEDIGREE_IDS", 1}, {"EDGE_FLAGS", 1}, {"TEXTURE_COORDINATES", 0}};
     if (bw_word_is(word, "POINTS")) return read_points(r);
     if (bw_word_is(word, "CELLS")) return read_cells(r);
     if (bw_word_is(word, "CELL_TYPES")) return read_types(r);
@@ -299,7 +321,8 @@ static bw_status read_section(reader *r, bw_word word) {
     for (size_t i = 0; attribute && i < sizeof tuples / sizeof *tuples; i++)
         if (bw_word_is(word, tuples[i].name)) return read_tuples(r, tuples[i].components);
     char text[40];
-    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' is not a section that is read here", bw_word_show(word, text, sizeof text));
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "'%s' is not a section that is read here",
+                        bw_word_show(word, text, sizeof text));
 }
 
 static bw_status read_header(reader *r) {
@@ -307,28 +330,34 @@ static bw_status read_header(reader *r) {
     bw_word word = bw_scan_line(s);
     static const char magic[] = "# vtk DataFile Version ";
     char text[40];
-    if (!bw_word_starts(word, magic)) return bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin as VTK files do");
+    if (!bw_word_starts(word, magic))
+        return bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin as VTK files do");
     char digit = word.length > sizeof magic - 1 ? word.text[sizeof magic - 1] : 0;
     if (digit < '1' || digit > '5')
-        return bw_scan_fail(s, BW_E_SYNTAX, "version '%s' is not read; 1.0 to 5.1 are",
-                            bw_word_show((bw_word){word.text + sizeof magic - 1, word.length - sizeof magic + 1}, text, sizeof text));
+        return bw_scan_fail(
+            s, BW_E_SYNTAX, "version '%s' is not read; 1.0 to 5.1 are",
+            bw_word_show((bw_word){word.text + sizeof magic - 1, word.length - sizeof magic + 1}, text,
+                         sizeof text));
     r->major = digit - '0';
     bw_scan_line(s); /* the title */
     bw_status status = bw_scan_word(s, &word);
     if (status != BW_OK) return status;
     r->binary = s->binary = bw_word_is(word, "BINARY");
     if (!r->binary && !bw_word_is(word, "ASCII"))
-        return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where ASCII or BINARY is due", bw_word_show(word, text, sizeof text));
+        return bw_scan_fail(s, BW_E_SYNTAX, "'%s' stands where ASCII or BINARY is due",
+                            bw_word_show(word, text, sizeof text));
     status = expect_word(r, "DATASET");
     if (status == BW_OK) status = bw_scan_word(s, &word);
     if (status == BW_OK && !bw_word_is(word, "UNSTRUCTURED_GRID"))
-        status = bw_scan_fail(s, BW_E_SYNTAX, "a data set '%s'; only UNSTRUCTURED_GRID is read", bw_word_show(word, text, sizeof text));
+        status = bw_scan_fail(s, BW_E_SYNTAX, "a data set '%s'; only UNSTRUCTURED_GRID is read",
+                              bw_word_show(word, text, sizeof text));
     return status;
 }
 
 bw_status bw_vtk_read_memory(bw_context *ctx, const void *data, size_t size, bw_tet_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
-    reader r = {.scan = bw_scan_open(ctx, data, size), .grid = {.ctx = ctx, .mesh = mesh, .open = open_array}};
+    reader r = {.scan = bw_scan_open(ctx, data, size),
+                .grid = {.ctx = ctx, .mesh = mesh, .open = open_array}};
     bw_status status = read_header(&r);
     while (status == BW_OK && bw_scan_blanks(&r.scan)) {
         bw_word word;

@@ -5,18 +5,20 @@
  *     ASCII                               or BINARY (big-endian)
  *     DATASET UNSTRUCTURED_GRID
  *     POINTS n double
- *     CELLS n size                        4 v0 v1 v2 v3 per tet; from version 5 on lists OFFSETS and CONNECTIVITY
+ *     CELLS n size                        4 v0 v1 v2 v3 per tet; from version 5 on lists OFFSETS and
+ *                                         CONNECTIVITY
  *     CELL_TYPES n                        10 per tet
  *     CELL_DATA n
  *     SCALARS parametrization double 12   or an array of 12 components in a FIELD
  *     LOOKUP_TABLE default
  *
- * vtk_grid.h tells which arrays are used, and how features are marked. Points come before cells. Other attributes and point data are
- * passed over; arrays of strings or bits are refused. Keywords may be of either case.
+ * vtk_grid.h tells which arrays are used, and how features are marked. Points come before cells. Other
+ * attributes and point data are passed over; arrays of strings or bits are refused. Keywords may be of either
+ * case.
  *
- * The input is hostile until read (input_scan.h). Errors, each with its line, or its byte in BINARY files, and the element
- * ("vertex", "cell"): BW_E_SYNTAX, BW_E_TRUNCATED, BW_E_COUNT, BW_E_INDEX, BW_E_NUMBER, BW_E_LINE, BW_E_EMPTY (no tets), BW_E_MEMORY,
- * BW_E_CANCELLED. O(bytes).
+ * The input is hostile until read (input_scan.h). Errors, each with its line, or its byte in BINARY files,
+ * and the element ("vertex", "cell"): BW_E_SYNTAX, BW_E_TRUNCATED, BW_E_COUNT, BW_E_INDEX, BW_E_NUMBER,
+ * BW_E_LINE, BW_E_EMPTY (no tets), BW_E_MEMORY, BW_E_CANCELLED. O(bytes).
  */
 #ifndef BW_FORMAT_VTK_H
 #define BW_FORMAT_VTK_H

@@ -12,7 +12,7 @@ static size_t block_of(bw_vtk_format format, size_t left) {
     return format.coding == BW_VTK_TEXT ? 1 : left < BLOCK ? left : BLOCK;
 }
 
-/* ---- values ------------------------------------------------------------------------------------------------------ */
+/* ---- values -------------------------------------------------------------------------------------------- */
 
 size_t bw_vtk_size(bw_vtk_type type) {
     static const uint8_t size[BW_VTK_TYPES] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
@@ -30,11 +30,16 @@ static uint64_t take_bits(const char *bytes, size_t size, bw_vtk_coding coding) 
 
 static int64_t whole_of(uint64_t bits, bw_vtk_type type) {
     switch (type) {
-    case BW_VTK_INT8: return (int8_t)bits;
-    case BW_VTK_INT16: return (int16_t)bits;
-    case BW_VTK_INT32: return (int32_t)bits;
-    case BW_VTK_UINT64: return bits > INT64_MAX ? INT64_MAX : (int64_t)bits;
-    default: return (int64_t)bits;
+    case BW_VTK_INT8:
+        return (int8_t)bits;
+    case BW_VTK_INT16:
+        return (int16_t)bits;
+    case BW_VTK_INT32:
+        return (int32_t)bits;
+    case BW_VTK_UINT64:
+        return bits > INT64_MAX ? INT64_MAX : (int64_t)bits;
+    default:
+        return (int64_t)bits;
     }
 }
 
@@ -54,7 +59,8 @@ static double real_of(uint64_t bits, bw_vtk_type type) {
 }
 
 bw_status bw_vtk_check_count(bw_scan *s, bw_vtk_format format, const char *plural, int64_t count) {
-    return bw_scan_count(s, plural, count, INT64_MAX, format.coding == BW_VTK_TEXT ? 2 : bw_vtk_size(format.type));
+    return bw_scan_count(s, plural, count, INT64_MAX,
+                         format.coding == BW_VTK_TEXT ? 2 : bw_vtk_size(format.type));
 }
 
 static bw_status text_reals(bw_scan *s, uint64_t count, const char *kind, uint64_t per_record, double *out) {
@@ -66,7 +72,8 @@ static bw_status text_reals(bw_scan *s, uint64_t count, const char *kind, uint64
     return status;
 }
 
-bw_status bw_vtk_reals(bw_scan *s, bw_vtk_format format, uint64_t count, const char *kind, uint64_t per_record, double *out) {
+bw_status bw_vtk_reals(bw_scan *s, bw_vtk_format format, uint64_t count, const char *kind,
+                       uint64_t per_record, double *out) {
     bw_status status = BW_OK;
     size_t size = bw_vtk_size(format.type);
     if (format.coding == BW_VTK_TEXT) {
@@ -79,7 +86,8 @@ bw_status bw_vtk_reals(bw_scan *s, bw_vtk_format format, uint64_t count, const c
             if (i % per_record == 0) status = bw_scan_record(s, kind, (int64_t)(i / per_record));
             if (status == BW_OK && !isfinite(out[i])) {
                 s->at = bytes + i * size;
-                status = bw_scan_fail(s, BW_E_NUMBER, "%s is not a finite number", isnan(out[i]) ? "nan" : "inf");
+                status =
+                    bw_scan_fail(s, BW_E_NUMBER, "%s is not a finite number", isnan(out[i]) ? "nan" : "inf");
             }
         }
     }
@@ -88,7 +96,8 @@ bw_status bw_vtk_reals(bw_scan *s, bw_vtk_format format, uint64_t count, const c
 }
 
 bw_status bw_vtk_wholes(bw_scan *s, bw_vtk_format format, size_t count, int64_t *out) {
-    if (format.type >= BW_VTK_FLOAT32) return bw_scan_fail(s, BW_E_SYNTAX, "whole numbers are needed, these are floating");
+    if (format.type >= BW_VTK_FLOAT32)
+        return bw_scan_fail(s, BW_E_SYNTAX, "whole numbers are needed, these are floating");
     bw_status status = BW_OK;
     if (format.coding == BW_VTK_TEXT) {
         for (size_t i = 0; i < count && status == BW_OK; i++) status = bw_scan_whole(s, &out[i]);
@@ -97,7 +106,8 @@ bw_status bw_vtk_wholes(bw_scan *s, bw_vtk_format format, size_t count, int64_t 
     const char *bytes = NULL;
     size_t size = bw_vtk_size(format.type);
     if ((status = bw_scan_bytes(s, size * count, &bytes)) != BW_OK) return status;
-    for (size_t i = 0; i < count; i++) out[i] = whole_of(take_bits(bytes + i * size, size, format.coding), format.type);
+    for (size_t i = 0; i < count; i++)
+        out[i] = whole_of(take_bits(bytes + i * size, size, format.coding), format.type);
     return BW_OK;
 }
 
@@ -108,21 +118,23 @@ bw_status bw_vtk_end(const bw_vtk_grid *g, bw_scan *s) {
 
 bw_status bw_vtk_pass(bw_scan *s, bw_vtk_format format, uint64_t count) {
     const char *bytes;
-    if (format.coding != BW_VTK_TEXT) return bw_scan_bytes(s, bw_vtk_size(format.type) * (size_t)count, &bytes);
+    if (format.coding != BW_VTK_TEXT)
+        return bw_scan_bytes(s, bw_vtk_size(format.type) * (size_t)count, &bytes);
     bw_word word;
     bw_status status = BW_OK;
     for (uint64_t i = 0; i < count && status == BW_OK; i++) status = bw_scan_word(s, &word);
     return status;
 }
 
-/* ---- sections ---------------------------------------------------------------------------------------------------- */
+/* ---- sections ------------------------------------------------------------------------------------------ */
 
 bw_status bw_vtk_read_points(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, int64_t count) {
     if (g->mesh->position) return bw_scan_fail(s, BW_E_SYNTAX, "there are points already");
     uint64_t bytes = 3 * (format.coding == BW_VTK_TEXT ? 2 : bw_vtk_size(format.type));
     bw_status status = bw_scan_count(s, "points", count, BW_INPUT_VERTICES_MAX, bytes);
     if (status != BW_OK) return status;
-    if (!(g->mesh->position = bw_alloc(g->ctx, (size_t)count, sizeof *g->mesh->position))) return g->ctx->error.status;
+    if (!(g->mesh->position = bw_alloc(g->ctx, (size_t)count, sizeof *g->mesh->position)))
+        return g->ctx->error.status;
     status = bw_vtk_reals(s, format, 3 * (uint64_t)count, "vertex", 3, (double *)g->mesh->position);
     g->mesh->vertex_count = (size_t)count;
     return status;
@@ -152,7 +164,8 @@ bw_status bw_vtk_read_corners(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, 
 }
 
 bw_status bw_vtk_read_ends(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, int64_t cells, bool with_zero) {
-    bw_status status = bw_scan_count(s, "cells", cells, BW_INPUT_CELLS_MAX, format.coding == BW_VTK_TEXT ? 2 : bw_vtk_size(format.type));
+    bw_status status = bw_scan_count(s, "cells", cells, BW_INPUT_CELLS_MAX,
+                                     format.coding == BW_VTK_TEXT ? 2 : bw_vtk_size(format.type));
     if (status != BW_OK) return status;
     if (!(g->begin = bw_alloc(g->ctx, (size_t)cells + 1, sizeof *g->begin))) return g->ctx->error.status;
     g->cell_count = (size_t)cells;
@@ -165,12 +178,15 @@ bw_status bw_vtk_read_ends(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format, int
             int64_t before = i + k ? (int64_t)g->begin[i + k - 1] : 0;
             g->begin[i + k] = (uint64_t)value[k];
             if (i + k == 0) {
-                if (value[k] != 0) status = bw_scan_fail(s, BW_E_INDEX, "the first offset is %lld, not 0", (long long)value[k]);
+                if (value[k] != 0)
+                    status =
+                        bw_scan_fail(s, BW_E_INDEX, "the first offset is %lld, not 0", (long long)value[k]);
                 continue;
             }
             status = bw_scan_record(s, "cell", (int64_t)(i + k) - 1);
             if (status == BW_OK && value[k] < before)
-                status = bw_scan_fail(s, BW_E_INDEX, "its corners end at %lld, before they begin", (long long)value[k]);
+                status = bw_scan_fail(s, BW_E_INDEX, "its corners end at %lld, before they begin",
+                                      (long long)value[k]);
         }
     }
     if (status == BW_OK) s->kind = NULL;
@@ -185,15 +201,18 @@ bw_status bw_vtk_read_types(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format) {
         int64_t value[BLOCK];
         n = block_of(format, g->cell_count - i);
         status = bw_vtk_wholes(s, format, n, value);
-        for (size_t k = 0; k < n && status == BW_OK; k++) g->type[i + k] = (uint8_t)(value[k] < 0 || value[k] > 255 ? 255 : value[k]);
+        for (size_t k = 0; k < n && status == BW_OK; k++)
+            g->type[i + k] = (uint8_t)(value[k] < 0 || value[k] > 255 ? 255 : value[k]);
         if (status == BW_OK) status = bw_scan_record(s, NULL, (int64_t)i);
     }
     return status;
 }
 
-/* ---- the mesh ---------------------------------------------------------------------------------------------------- */
+/* ---- the mesh ------------------------------------------------------------------------------------------ */
 
-static int corners_of(uint8_t type) { return type == 1 ? 1 : type == 3 ? 2 : type == 5 ? 3 : type == 10 ? 4 : 0; }
+static int corners_of(uint8_t type) {
+    return type == 1 ? 1 : type == 3 ? 2 : type == 5 ? 3 : type == 10 ? 4 : 0;
+}
 
 static bw_status check_cells(bw_vtk_grid *g, bw_scan *place) {
     bw_status status = BW_OK;
@@ -205,18 +224,21 @@ static bw_status check_cells(bw_vtk_grid *g, bw_scan *place) {
         uint64_t corners = g->begin[c + 1] - g->begin[c];
         place->kind = "cell", place->record = (int64_t)c;
         if (!corners_of(g->type[c]))
-            status = bw_scan_fail(place, BW_E_SYNTAX, "type %d; only tets (10), triangles (5), lines (3) and vertices (1) are read",
-                                  g->type[c]);
+            status = bw_scan_fail(
+                place, BW_E_SYNTAX,
+                "type %d; only tets (10), triangles (5), lines (3) and vertices (1) are read", g->type[c]);
         else if (corners != (uint64_t)corners_of(g->type[c]))
-            status = bw_scan_fail(place, BW_E_SYNTAX, "a cell of type %d has %d corners, not %llu", g->type[c], corners_of(g->type[c]),
-                                  (unsigned long long)corners);
+            status = bw_scan_fail(place, BW_E_SYNTAX, "a cell of type %d has %d corners, not %llu",
+                                  g->type[c], corners_of(g->type[c]), (unsigned long long)corners);
         tets += g->type[c] == 10;
     }
     place->kind = NULL;
     if (status == BW_OK && !tets) status = bw_fail(g->ctx, BW_E_EMPTY, "the input has no tets");
     if (status == BW_OK && tets > (size_t)BW_INPUT_TETS_MAX)
-        status = bw_scan_fail(place, BW_E_COUNT, "%zu tets are more than the %lld supported", tets, (long long)BW_INPUT_TETS_MAX);
-    if (status == BW_OK && !(g->mesh->tet = bw_alloc(g->ctx, tets, sizeof *g->mesh->tet))) status = g->ctx->error.status;
+        status = bw_scan_fail(place, BW_E_COUNT, "%zu tets are more than the %lld supported", tets,
+                              (long long)BW_INPUT_TETS_MAX);
+    if (status == BW_OK && !(g->mesh->tet = bw_alloc(g->ctx, tets, sizeof *g->mesh->tet)))
+        status = g->ctx->error.status;
     return status;
 }
 
@@ -228,7 +250,8 @@ static bw_status read_array(bw_vtk_grid *g, const bw_vtk_array *array, double **
     bw_status status = g->open(g, array, count, &scan, &owned);
     if (status == BW_OK) status = bw_vtk_check_count(&scan, array->format, "values", (int64_t)count);
     if (status == BW_OK && !(*out = bw_alloc(g->ctx, count, sizeof **out))) status = g->ctx->error.status;
-    if (status == BW_OK) status = bw_vtk_reals(&scan, array->format, count, "cell", (uint64_t)array->components, *out);
+    if (status == BW_OK)
+        status = bw_vtk_reals(&scan, array->format, count, "cell", (uint64_t)array->components, *out);
     if (status == BW_OK) status = bw_vtk_end(g, &scan);
     bw_free(g->ctx, owned);
     return status;
@@ -253,7 +276,9 @@ typedef struct {
     const bw_vtk_array **array;
 } candidates;
 
-static const char *candidate_name(const void *user, size_t i) { return ((const candidates *)user)->array[i]->name; }
+static const char *candidate_name(const void *user, size_t i) {
+    return ((const candidates *)user)->array[i]->name;
+}
 
 static bw_status choose_parameters(bw_vtk_grid *g, bw_scan *place, const bw_vtk_array **chosen) {
     candidates c = {g, bw_alloc(g->ctx, g->array_count, sizeof *c.array)};
@@ -263,10 +288,15 @@ static bw_status choose_parameters(bw_vtk_grid *g, bw_scan *place, const bw_vtk_
         if (g->array[i].components == 12) c.array[count++] = &g->array[i];
     int64_t best = bw_input_choose(candidate_name, &c, count);
     bw_status status = BW_OK;
-    if (best == -1) status = bw_scan_fail(place, BW_E_SYNTAX, "no cell array has 12 components: the parametrization is missing");
+    if (best == -1)
+        status = bw_scan_fail(place, BW_E_SYNTAX,
+                              "no cell array has 12 components: the parametrization is missing");
     else if (best == -2)
-        status = bw_scan_fail(place, BW_E_SYNTAX, "%zu cell arrays have 12 components, and none is named parametrization, uvw or param", count);
-    else *chosen = c.array[best];
+        status = bw_scan_fail(
+            place, BW_E_SYNTAX,
+            "%zu cell arrays have 12 components, and none is named parametrization, uvw or param", count);
+    else
+        *chosen = c.array[best];
     bw_free(g->ctx, c.array);
     return status;
 }
@@ -296,7 +326,8 @@ static bw_status read_features(bw_vtk_grid *g, bw_scan *place, double **feature)
     for (size_t i = 0; i < g->array_count; i++) {
         if (strcmp(g->array[i].name, "feature")) continue;
         if (g->array[i].components != 1)
-            return bw_scan_fail(place, BW_E_SYNTAX, "the cell array 'feature' has %lld components, not 1", (long long)g->array[i].components);
+            return bw_scan_fail(place, BW_E_SYNTAX, "the cell array 'feature' has %lld components, not 1",
+                                (long long)g->array[i].components);
         return read_array(g, &g->array[i], feature);
     }
     return BW_OK;
@@ -305,7 +336,9 @@ static bw_status read_features(bw_vtk_grid *g, bw_scan *place, double **feature)
 bw_status bw_vtk_finish(bw_vtk_grid *g, bw_scan *place) {
     if (!g->mesh->position || !g->begin || !g->corner || !g->type)
         return bw_scan_fail(place, BW_E_TRUNCATED, "the input ends without %s",
-                            !g->mesh->position ? "points" : !g->begin || !g->corner ? "cells" : "the types of the cells");
+                            !g->mesh->position        ? "points"
+                            : !g->begin || !g->corner ? "cells"
+                                                      : "the types of the cells");
     double *feature = NULL;
     bw_status status = check_cells(g, place);
     if (status == BW_OK) status = read_features(g, place, &feature);
@@ -317,5 +350,6 @@ bw_status bw_vtk_finish(bw_vtk_grid *g, bw_scan *place) {
 }
 
 void bw_vtk_clear(bw_vtk_grid *g) {
-    bw_free(g->ctx, g->corner), bw_free(g->ctx, g->begin), bw_free(g->ctx, g->type), bw_free(g->ctx, g->array);
+    bw_free(g->ctx, g->corner), bw_free(g->ctx, g->begin), bw_free(g->ctx, g->type),
+        bw_free(g->ctx, g->array);
 }

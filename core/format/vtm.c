@@ -27,7 +27,7 @@ typedef struct {
     int32_t *slot; /* [polygon]: its number in `face`, if face[slot] is it */
 } writer;
 
-/* ---- points ------------------------------------------------------------------------------------------------------ */
+/* ---- points -------------------------------------------------------------------------------------------- */
 
 static void forget_points(writer *w) {
     for (size_t i = 0; i < w->point_count; i++) w->point[w->vertex[i]] = BW_NONE;
@@ -51,7 +51,9 @@ static void put_types(writer *w, size_t count, uint8_t type) {
     for (size_t i = 0; i < count; i++) bw_vtm_uint8(&w->file, type);
 }
 
-static double in_map(const writer *w, int64_t units) { return ldexp((double)units, -w->cells->map->exponent); }
+static double in_map(const writer *w, int64_t units) {
+    return ldexp((double)units, -w->cells->map->exponent);
+}
 
 static void put_flag(writer *w, const uint8_t *flags, size_t count, uint8_t flag) {
     bw_vtm_array(&w->file);
@@ -68,7 +70,7 @@ static void put_numbers(writer *w, size_t count) {
     for (size_t i = 0; i < count; i++) bw_vtm_int32(&w->file, (int32_t)i);
 }
 
-/* ---- polygons ---------------------------------------------------------------------------------------------------- */
+/* ---- polygons ------------------------------------------------------------------------------------------ */
 
 static size_t polygon_size(const bw_cells *cells, bw_polygon p) {
     size_t n = 0;
@@ -92,11 +94,12 @@ static void need_polygon(writer *w, bw_polygon p) {
     while (h != first);
 }
 
-/* ---- blocks ------------------------------------------------------------------------------------------------------ */
+/* ---- blocks -------------------------------------------------------------------------------------------- */
 
 static bw_status take_faces(writer *w, bw_cell cell) {
     w->face_count = 0;
-    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(w->cells, p, cell)) {
+    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE;
+         p = bw_cells_next_in_cell(w->cells, p, cell)) {
         bw_status status = bw_reserve(w->ctx, &w->face, &w->face_room, w->face_count + 1);
         if (status == BW_OK) status = bw_reserve(w->ctx, &w->turned, &w->turned_room, w->face_count + 1);
         if (status != BW_OK) return status;
@@ -115,7 +118,8 @@ static bool runs_along(const bw_cells *cells, bw_polygon p, bw_cedge edge, bw_cv
 static double volume_at(const double o[3], const double a[3], const double b[3], const double c[3]) {
     double e[3][3];
     for (int k = 0; k < 3; k++) e[0][k] = a[k] - o[k], e[1][k] = b[k] - o[k], e[2][k] = c[k] - o[k];
-    return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) - e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
+    return e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) -
+           e[0][1] * (e[1][0] * e[2][2] - e[1][2] * e[2][0]) +
            e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
 }
 
@@ -128,15 +132,17 @@ static double enclosed(const writer *w) {
         bw_half first = cells->polygon[w->face[f]].half;
         const double *a = w->position[cells->half[first].origin];
         for (bw_half h = cells->half[first].next; cells->half[h].next != first; h = cells->half[h].next) {
-            double v = volume_at(o, a, w->position[cells->half[h].origin], w->position[cells->half[cells->half[h].next].origin]);
+            double v = volume_at(o, a, w->position[cells->half[h].origin],
+                                 w->position[cells->half[cells->half[h].next].origin]);
             sum += w->turned[f] ? -v : v;
         }
     }
     return sum;
 }
 
-/* Turns the faces of a cell so that all point outwards: neighbours run along their edge in opposite directions; which of the two ways
- * it is, the volume tells. The faces are listed anew, in the order in which they are reached from the first. */
+/* Turns the faces of a cell so that all point outwards: neighbours run along their edge in opposite
+ * directions; which of the two ways it is, the volume tells. The faces are listed anew, in the order in which
+ * they are reached from the first. */
 static bw_status orient_faces(writer *w, bw_cell cell) {
     const bw_cells *cells = w->cells;
     bw_status status = take_faces(w, cell);
@@ -163,11 +169,12 @@ static bw_status orient_faces(writer *w, bw_cell cell) {
     return BW_OK;
 }
 
-/* The points of a cell, without repeats, in the order in which its faces have them; writes them if `write`. `mark`: [vertex] the last
- * cell that had it, plus 1. */
+/* The points of a cell, without repeats, in the order in which its faces have them; writes them if `write`.
+ * `mark`: [vertex] the last cell that had it, plus 1. */
 static uint64_t cell_points(writer *w, bw_cell cell, int32_t *mark, bool write) {
     uint64_t n = 0;
-    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(w->cells, p, cell)) {
+    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE;
+         p = bw_cells_next_in_cell(w->cells, p, cell)) {
         bw_half first = w->cells->polygon[p].half, h = first;
         do {
             bw_cvertex v = w->cells->half[h].origin;
@@ -184,7 +191,8 @@ static uint64_t cell_points(writer *w, bw_cell cell, int32_t *mark, bool write) 
 
 static uint64_t face_numbers(const writer *w, bw_cell cell) {
     uint64_t n = 1;
-    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(w->cells, p, cell))
+    for (bw_polygon p = w->cells->cell[cell].first; p != BW_NONE;
+         p = bw_cells_next_in_cell(w->cells, p, cell))
         n += 1 + polygon_size(w->cells, p);
     return n;
 }
@@ -215,7 +223,8 @@ static bw_status put_cells(writer *w, int32_t *mark) {
     bw_vtm_array(&w->file);
     memset(mark, 0, cells->vertex_count * sizeof *mark);
     uint64_t end = 0;
-    for (size_t c = 0; c < count; c++) bw_vtm_int64(&w->file, (int64_t)(end += cell_points(w, (bw_cell)c, mark, false)));
+    for (size_t c = 0; c < count; c++)
+        bw_vtm_int64(&w->file, (int64_t)(end += cell_points(w, (bw_cell)c, mark, false)));
     put_types(w, count, VTK_POLYHEDRON);
     bw_status status = put_faces(w);
     if (status != BW_OK) return status;
@@ -236,7 +245,9 @@ static bw_status write_blocks(writer *w, const char *path, uint64_t *bytes) {
     int32_t *mark = bw_alloc(w->ctx, cells->vertex_count, sizeof *mark);
     if (!mark) return w->ctx->error.status;
     for (size_t c = 0; c < count; c++) {
-        for (bw_polygon p = cells->cell[c].first; p != BW_NONE; p = bw_cells_next_in_cell(cells, p, (bw_cell)c)) need_polygon(w, p);
+        for (bw_polygon p = cells->cell[c].first; p != BW_NONE;
+             p = bw_cells_next_in_cell(cells, p, (bw_cell)c))
+            need_polygon(w, p);
         corners += cell_points(w, (bw_cell)c, mark, false);
         numbers += face_numbers(w, (bw_cell)c);
     }
@@ -248,31 +259,35 @@ static bw_status write_blocks(writer *w, const char *path, uint64_t *bytes) {
                                         {BW_VTM_CELLS, "faceoffsets", BW_VTM_INT64, 1, count},
                                         {BW_VTM_CELL_DATA, "block", BW_VTM_INT32, 1, count},
                                         {BW_VTM_CELL_DATA, "tet", BW_VTM_INT32, 1, count}};
-    bw_status status = bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
+    bw_status status =
+        bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
     if (status == BW_OK) status = put_cells(w, mark);
     bw_status closed = bw_vtm_end(&w->file, bytes);
     bw_free(w->ctx, mark);
     return status == BW_OK ? closed : status;
 }
 
-/* ---- walls ------------------------------------------------------------------------------------------------------- */
+/* ---- walls --------------------------------------------------------------------------------------------- */
 
 static void put_patch_data(writer *w, size_t polygons) {
     const bw_complex *x = w->complex;
     bw_vtm_array(&w->file);
     for (size_t p = 0; p < x->patch_count; p++)
-        for (size_t i = x->patch_polygon_begin[p]; i < x->patch_polygon_begin[p + 1]; i++) bw_vtm_int32(&w->file, (int32_t)p);
+        for (size_t i = x->patch_polygon_begin[p]; i < x->patch_polygon_begin[p + 1]; i++)
+            bw_vtm_int32(&w->file, (int32_t)p);
     bw_vtm_array(&w->file);
     for (size_t p = 0; p < x->patch_count; p++)
         for (size_t i = x->patch_polygon_begin[p]; i < x->patch_polygon_begin[p + 1]; i++)
             for (int side = 0; side < 2; side++) bw_vtm_int32(&w->file, x->patch_block[p][side]);
     bw_vtm_array(&w->file);
-    for (size_t i = 0; i < polygons; i++) bw_vtm_float64(&w->file, in_map(w, w->cells->polygon[x->patch_polygon[i]].distance));
+    for (size_t i = 0; i < polygons; i++)
+        bw_vtm_float64(&w->file, in_map(w, w->cells->polygon[x->patch_polygon[i]].distance));
     for (int all = 0; all < 2; all++) {
         bw_vtm_array(&w->file);
         for (size_t p = 0; p < x->patch_count; p++)
             for (size_t i = x->patch_polygon_begin[p]; i < x->patch_polygon_begin[p + 1]; i++)
-                bw_vtm_uint8(&w->file, all ? x->patch_flags[p] : (x->patch_flags[p] & BW_PATCH_BOUNDARY) != 0);
+                bw_vtm_uint8(&w->file,
+                             all ? x->patch_flags[p] : (x->patch_flags[p] & BW_PATCH_BOUNDARY) != 0);
     }
 }
 
@@ -299,13 +314,14 @@ static bw_status write_walls(writer *w, const char *path, uint64_t *bytes) {
     for (size_t i = 0; i < count; i++) put_polygon(w, x->patch_polygon[i], false);
     bw_vtm_array(&w->file);
     uint64_t end = 0;
-    for (size_t i = 0; i < count; i++) bw_vtm_int64(&w->file, (int64_t)(end += polygon_size(w->cells, x->patch_polygon[i])));
+    for (size_t i = 0; i < count; i++)
+        bw_vtm_int64(&w->file, (int64_t)(end += polygon_size(w->cells, x->patch_polygon[i])));
     put_types(w, count, VTK_POLYGON);
     put_patch_data(w, count);
     return bw_vtm_end(&w->file, bytes);
 }
 
-/* ---- arcs and nodes ---------------------------------------------------------------------------------------------- */
+/* ---- arcs and nodes ------------------------------------------------------------------------------------ */
 
 /* The vertex of an arc's edge that is not `from`. */
 static bw_cvertex step(const bw_cells *cells, bw_cedge edge, bw_cvertex from) {
@@ -332,10 +348,12 @@ static void put_lines(writer *w) {
     for (size_t a = 0; a < x->arc_count; a++) {
         bw_cvertex v = x->node_vertex[x->arc_node[a][0]];
         bw_vtm_int32(&w->file, w->point[v]);
-        for (size_t i = x->arc_edge_begin[a]; i < x->arc_edge_begin[a + 1]; i++) bw_vtm_int32(&w->file, w->point[v = step(w->cells, x->arc_edge[i], v)]);
+        for (size_t i = x->arc_edge_begin[a]; i < x->arc_edge_begin[a + 1]; i++)
+            bw_vtm_int32(&w->file, w->point[v = step(w->cells, x->arc_edge[i], v)]);
     }
     bw_vtm_array(&w->file);
-    for (size_t a = 0; a < x->arc_count; a++) bw_vtm_int64(&w->file, (int64_t)(x->arc_edge_begin[a + 1] + a + 1));
+    for (size_t a = 0; a < x->arc_count; a++)
+        bw_vtm_int64(&w->file, (int64_t)(x->arc_edge_begin[a + 1] + a + 1));
     put_types(w, x->arc_count, VTK_POLY_LINE);
 }
 
@@ -388,13 +406,14 @@ static bw_status write_nodes(writer *w, const char *path, uint64_t *bytes) {
     return bw_vtm_end(&w->file, bytes);
 }
 
-/* ---- all --------------------------------------------------------------------------------------------------------- */
+/* ---- all ----------------------------------------------------------------------------------------------- */
 
 static bw_status write_index(writer *w, const char *path, uint64_t *bytes) {
     bw_output out;
     bw_output_open(w->ctx, &out, path);
     bw_put_text(&out, "<?xml version=\"1.0\"?>\n"
-                      "<VTKFile type=\"vtkMultiBlockDataSet\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n"
+                      "<VTKFile type=\"vtkMultiBlockDataSet\" version=\"1.0\" byte_order=\"LittleEndian\" "
+                      "header_type=\"UInt64\">\n"
                       "  <vtkMultiBlockDataSet>\n"
                       "    <DataSet index=\"0\" name=\"blocks\" file=\"blocks.vtu\"/>\n"
                       "    <DataSet index=\"1\" name=\"walls\" file=\"walls.vtu\"/>\n"
@@ -404,29 +423,36 @@ static bw_status write_index(writer *w, const char *path, uint64_t *bytes) {
     return bw_output_close(&out, bytes);
 }
 
-static bw_status write_file(writer *w, const char *folder, const char *name, bw_status (*write)(writer *, const char *, uint64_t *),
-                            uint64_t *bytes) {
+static bw_status write_file(writer *w, const char *folder, const char *name,
+                            bw_status (*write)(writer *, const char *, uint64_t *), uint64_t *bytes) {
     size_t room = strlen(folder) + strlen(name) + sizeof "/.part";
     char *path = bw_alloc(w->ctx, 2 * room, 1), *draft = path + room;
     if (!path) return w->ctx->error.status;
     snprintf(path, room, "%s/%s", folder, name);
     snprintf(draft, room, "%s/%s.part", folder, name);
     bw_status status = write(w, draft, bytes);
-    if (status == BW_OK && rename(draft, path)) status = bw_fail(w->ctx, BW_E_IO, "cannot rename %s: %s", draft, strerror(errno));
-    if (status == BW_OK) status = bw_poll(w->ctx);
-    else unlink(draft);
+    if (status == BW_OK && rename(draft, path))
+        status = bw_fail(w->ctx, BW_E_IO, "cannot rename %s: %s", draft, strerror(errno));
+    if (status == BW_OK)
+        status = bw_poll(w->ctx);
+    else
+        unlink(draft);
     forget_points(w);
     bw_free(w->ctx, path);
     return status;
 }
 
-bw_status bw_vtm_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const double (*position)[3],
-                       const char *out_dir, bw_vtm_written written[BW_VTM_FILES]) {
+bw_status bw_vtm_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex,
+                       const double (*position)[3], const char *out_dir,
+                       bw_vtm_written written[BW_VTM_FILES]) {
     static const struct {
         const char *name;
         bw_status (*write)(writer *, const char *, uint64_t *);
-    } files[BW_VTM_FILES] = {{"blocks.vtu", write_blocks}, {"walls.vtu", write_walls}, {"arcs.vtu", write_arcs},
-                             {"nodes.vtu", write_nodes}, {"complex.vtm", write_index}};
+    } files[BW_VTM_FILES] = {{"blocks.vtu", write_blocks},
+                             {"walls.vtu", write_walls},
+                             {"arcs.vtu", write_arcs},
+                             {"nodes.vtu", write_nodes},
+                             {"complex.vtm", write_index}};
     writer w = {.ctx = ctx, .cells = cells, .complex = complex, .position = position};
     w.point = bw_alloc(ctx, cells->vertex_count, sizeof *w.point);
     w.vertex = bw_alloc(ctx, cells->vertex_count, sizeof *w.vertex);
@@ -437,6 +463,7 @@ bw_status bw_vtm_write(bw_context *ctx, const bw_cells *cells, const bw_complex 
         written[i].name = files[i].name;
         status = write_file(&w, out_dir, files[i].name, files[i].write, &written[i].bytes);
     }
-    bw_free(ctx, w.point), bw_free(ctx, w.vertex), bw_free(ctx, w.slot), bw_free(ctx, w.face), bw_free(ctx, w.turned);
+    bw_free(ctx, w.point), bw_free(ctx, w.vertex), bw_free(ctx, w.slot), bw_free(ctx, w.face),
+        bw_free(ctx, w.turned);
     return status;
 }

@@ -7,7 +7,9 @@ static const struct {
     uint64_t size;
 } types[] = {{"UInt8", 1}, {"Int32", 4}, {"Int64", 8}, {"Float64", 8}};
 
-static uint64_t size_of(const bw_vtm_array_info *a) { return a->count * types[a->type].size; }
+static uint64_t size_of(const bw_vtm_array_info *a) {
+    return a->count * types[a->type].size;
+}
 
 static void put_attribute(bw_output *out, const char *name, uint64_t value) {
     bw_put_text(out, " ");
@@ -36,17 +38,21 @@ bw_status bw_vtm_begin(bw_context *ctx, bw_vtm_file *file, const char *path, uin
     bw_output *out = &file->out;
     bw_status status = bw_output_open(ctx, out, path);
     bw_put_text(out, "<?xml version=\"1.0\"?>\n"
-                     "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n"
+                     "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+                     "header_type=\"UInt64\">\n"
                      "  <UnstructuredGrid>\n    <Piece");
     put_attribute(out, "NumberOfPoints", points);
     put_attribute(out, "NumberOfCells", cells);
     bw_put_text(out, ">\n");
     uint64_t offset = 0;
     for (size_t i = 0; i < array_count; i++) {
-        bool first = i == 0 || array[i - 1].place != array[i].place, last = i + 1 == array_count || array[i + 1].place != array[i].place;
-        if (first) bw_put_text(out, "      <"), bw_put_text(out, place[array[i].place]), bw_put_text(out, ">\n");
+        bool first = i == 0 || array[i - 1].place != array[i].place,
+             last = i + 1 == array_count || array[i + 1].place != array[i].place;
+        if (first)
+            bw_put_text(out, "      <"), bw_put_text(out, place[array[i].place]), bw_put_text(out, ">\n");
         put_array_tag(out, &array[i], offset);
-        if (last) bw_put_text(out, "      </"), bw_put_text(out, place[array[i].place]), bw_put_text(out, ">\n");
+        if (last)
+            bw_put_text(out, "      </"), bw_put_text(out, place[array[i].place]), bw_put_text(out, ">\n");
         offset += 8 + size_of(&array[i]);
     }
     bw_put_text(out, "    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_");
@@ -54,7 +60,9 @@ bw_status bw_vtm_begin(bw_context *ctx, bw_vtm_file *file, const char *path, uin
 }
 
 static void fail_length(bw_vtm_file *file) {
-    if (file->out.status == BW_OK) file->out.status = bw_fail(file->out.ctx, BW_E_INTERNAL, "an array of a VTU file is not as long as announced");
+    if (file->out.status == BW_OK)
+        file->out.status =
+            bw_fail(file->out.ctx, BW_E_INTERNAL, "an array of a VTU file is not as long as announced");
 }
 
 static void put_little(bw_vtm_file *file, uint64_t bits, size_t size) {
@@ -82,9 +90,15 @@ static void put_value(bw_vtm_file *file, bw_vtm_type type, uint64_t bits) {
     put_little(file, bits, (size_t)size);
 }
 
-void bw_vtm_uint8(bw_vtm_file *file, uint8_t value) { put_value(file, BW_VTM_UINT8, value); }
-void bw_vtm_int32(bw_vtm_file *file, int32_t value) { put_value(file, BW_VTM_INT32, (uint32_t)value); }
-void bw_vtm_int64(bw_vtm_file *file, int64_t value) { put_value(file, BW_VTM_INT64, (uint64_t)value); }
+void bw_vtm_uint8(bw_vtm_file *file, uint8_t value) {
+    put_value(file, BW_VTM_UINT8, value);
+}
+void bw_vtm_int32(bw_vtm_file *file, int32_t value) {
+    put_value(file, BW_VTM_INT32, (uint32_t)value);
+}
+void bw_vtm_int64(bw_vtm_file *file, int64_t value) {
+    put_value(file, BW_VTM_INT64, (uint64_t)value);
+}
 
 void bw_vtm_float64(bw_vtm_file *file, double value) {
     uint64_t bits;

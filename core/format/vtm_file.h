@@ -1,12 +1,16 @@
-/* Writer of one VTU file: XML in front, all arrays behind it as raw appended data (little-endian, counts of 64 bits).
+/* Writer of one VTU file: XML in front, all arrays behind it as raw appended data (little-endian, counts of
+ * 64 bits).
  *
- *     bw_vtm_begin(ctx, &file, path, points, cells, arrays, count);    the header, which tells where each array will be
- *     bw_vtm_array(&file);                                             starts the next array, in the order given
+ *     bw_vtm_begin(ctx, &file, path, points, cells, arrays, count);    the header, which tells where each
+ *                                                                      array will be
+ *     bw_vtm_array(&file);                                             starts the next array, in the order
+ *                                                                      given
  *     bw_vtm_int32(&file, value), bw_vtm_float64(&file, value), ...    its values, as many as announced
  *     status = bw_vtm_end(&file, &bytes);
  *
- * Nothing is compressed: offsets are known before the first value is written, so memory is constant, and the bytes do not depend on the
- * version of a library. The first failure is kept and what follows is dropped; an array that is not as long as announced is BW_E_INTERNAL.
+ * Nothing is compressed: offsets are known before the first value is written, so memory is constant, and the
+ * bytes do not depend on the version of a library. The first failure is kept and what follows is dropped; an
+ * array that is not as long as announced is BW_E_INTERNAL.
  */
 #ifndef BW_FORMAT_VTM_FILE_H
 #define BW_FORMAT_VTM_FILE_H

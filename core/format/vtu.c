@@ -41,11 +41,17 @@ typedef struct {
 
 /* expat has no user pointer for its allocations; a parser lives within one call, on one thread. */
 static _Thread_local bw_context *allocating;
-static void *xml_alloc(size_t size) { return bw_alloc(allocating, size, 1); }
-static void *xml_resize(void *block, size_t size) { return bw_resize(allocating, block, size, 1); }
-static void xml_free(void *block) { bw_free(allocating, block); }
+static void *xml_alloc(size_t size) {
+    return bw_alloc(allocating, size, 1);
+}
+static void *xml_resize(void *block, size_t size) {
+    return bw_resize(allocating, block, size, 1);
+}
+static void xml_free(void *block) {
+    bw_free(allocating, block);
+}
 
-/* ---- errors and attributes --------------------------------------------------------------------------------------- */
+/* ---- errors and attributes ----------------------------------------------------------------------------- */
 
 /* A scan that tells the line the parser is at. */
 static bw_scan here(const reader *r) {
@@ -80,8 +86,8 @@ static int64_t count_attribute(reader *r, const char **list, const char *name, i
 }
 
 static bool find_type(const char *name, bw_vtk_type *type) {
-    static const char *const names[BW_VTK_TYPES] = {"Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64",
-                                                    "Float32", "Float64"};
+    static const char *const names[BW_VTK_TYPES] = {"Int8",   "UInt8", "Int16",  "UInt16",  "Int32",
+                                                    "UInt32", "Int64", "UInt64", "Float32", "Float64"};
     for (int i = 0; i < BW_VTK_TYPES; i++)
         if (!strcmp(names[i], name)) {
             *type = (bw_vtk_type)i;
@@ -90,15 +96,18 @@ static bool find_type(const char *name, bw_vtk_type *type) {
     return false;
 }
 
-/* ---- elements ---------------------------------------------------------------------------------------------------- */
+/* ---- elements ------------------------------------------------------------------------------------------ */
 
 static void start_file(reader *r, const char **list) {
-    const char *type = attribute(list, "type"), *order = attribute(list, "byte_order"), *header = attribute(list, "header_type"),
-               *compressor = attribute(list, "compressor");
+    const char *type = attribute(list, "type"), *order = attribute(list, "byte_order"),
+               *header = attribute(list, "header_type"), *compressor = attribute(list, "compressor");
     r->seen_file = true;
-    if (!type || strcmp(type, "UnstructuredGrid")) refuse(r, BW_E_SYNTAX, "a file of type '%s'; only UnstructuredGrid is read", type ? type : "");
-    if (order && strcmp(order, "LittleEndian") && strcmp(order, "BigEndian")) refuse(r, BW_E_SYNTAX, "byte_order '%s'", order);
-    if (header && strcmp(header, "UInt32") && strcmp(header, "UInt64")) refuse(r, BW_E_SYNTAX, "header_type '%s'; UInt32 and UInt64 are read", header);
+    if (!type || strcmp(type, "UnstructuredGrid"))
+        refuse(r, BW_E_SYNTAX, "a file of type '%s'; only UnstructuredGrid is read", type ? type : "");
+    if (order && strcmp(order, "LittleEndian") && strcmp(order, "BigEndian"))
+        refuse(r, BW_E_SYNTAX, "byte_order '%s'", order);
+    if (header && strcmp(header, "UInt32") && strcmp(header, "UInt64"))
+        refuse(r, BW_E_SYNTAX, "header_type '%s'; UInt32 and UInt64 are read", header);
     if (compressor && *compressor && strcmp(compressor, "vtkZLibDataCompressor"))
         refuse(r, BW_E_SYNTAX, "compressor '%s'; only vtkZLibDataCompressor is read", compressor);
     r->big = order && !strcmp(order, "BigEndian");
@@ -114,7 +123,8 @@ static void start_piece(reader *r, const char **list) {
 }
 
 static void start_array(reader *r, const char **list, uint64_t tag_end) {
-    const char *name = attribute(list, "Name"), *type = attribute(list, "type"), *format = attribute(list, "format");
+    const char *name = attribute(list, "Name"), *type = attribute(list, "type"),
+               *format = attribute(list, "format");
     bw_vtk_array *a = &r->open;
     memset(a, 0, sizeof *a);
     snprintf(a->name, sizeof a->name, "%s", name ? name : "");
@@ -122,10 +132,14 @@ static void start_array(reader *r, const char **list, uint64_t tag_end) {
     if (!a->components) a->components = 1;
     r->offset = (uint64_t)count_attribute(r, list, "offset", 0);
     if (!type || !find_type(type, &a->format.type)) a->components = -1; /* strings: nothing here needs them */
-    if (!format || !strcmp(format, "ascii")) a->encoding = AS_TEXT;
-    else if (!strcmp(format, "binary")) a->encoding = AS_BASE64;
-    else if (!strcmp(format, "appended")) a->encoding = AS_APPENDED;
-    else refuse(r, BW_E_SYNTAX, "format '%s' of a DataArray", format);
+    if (!format || !strcmp(format, "ascii"))
+        a->encoding = AS_TEXT;
+    else if (!strcmp(format, "binary"))
+        a->encoding = AS_BASE64;
+    else if (!strcmp(format, "appended"))
+        a->encoding = AS_APPENDED;
+    else
+        refuse(r, BW_E_SYNTAX, "format '%s' of a DataArray", format);
     a->format.coding = a->encoding == AS_TEXT ? BW_VTK_TEXT : r->big ? BW_VTK_BIG : BW_VTK_LITTLE;
     a->scan.line = XML_GetCurrentLineNumber(r->parser);
     r->owner = r->inside[r->depth - 2];
@@ -138,21 +152,26 @@ static place place_of(const reader *r, const char *name) {
     static const struct {
         place parent, self;
         const char *name;
-    } known[] = {{IN_OTHER, IN_FILE, "VTKFile"}, {IN_FILE, IN_GRID, "UnstructuredGrid"}, {IN_GRID, IN_PIECE, "Piece"},
-                 {IN_PIECE, IN_POINTS, "Points"}, {IN_PIECE, IN_CELLS, "Cells"}, {IN_PIECE, IN_CELL_DATA, "CellData"},
-                 {IN_POINTS, IN_ARRAY, "DataArray"}, {IN_CELLS, IN_ARRAY, "DataArray"}, {IN_CELL_DATA, IN_ARRAY, "DataArray"}};
+    } known[] = {{IN_OTHER, IN_FILE, "VTKFile"},       {IN_FILE, IN_GRID, "UnstructuredGrid"},
+                 {IN_GRID, IN_PIECE, "Piece"},         {IN_PIECE, IN_POINTS, "Points"},
+                 {IN_PIECE, IN_CELLS, "Cells"},        {IN_PIECE, IN_CELL_DATA, "CellData"},
+                 {IN_POINTS, IN_ARRAY, "DataArray"},   {IN_CELLS, IN_ARRAY, "DataArray"},
+                 {IN_CELL_DATA, IN_ARRAY, "DataArray"}};
     place parent = r->depth ? r->inside[r->depth - 1] : IN_OTHER;
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (known[i].parent == parent && (parent != IN_OTHER || !r->depth) && !strcmp(known[i].name, name)) return known[i].self;
+        if (known[i].parent == parent && (parent != IN_OTHER || !r->depth) && !strcmp(known[i].name, name))
+            return known[i].self;
     return IN_OTHER;
 }
 
 static void start_appended(reader *r, const char **list, uint64_t tag_end) {
     const char *how = attribute(list, "encoding");
-    if (how && strcmp(how, "raw") && strcmp(how, "base64")) refuse(r, BW_E_SYNTAX, "encoding '%s' of AppendedData", how);
+    if (how && strcmp(how, "raw") && strcmp(how, "base64"))
+        refuse(r, BW_E_SYNTAX, "encoding '%s' of AppendedData", how);
     uint64_t at = tag_end;
     while (at < r->size && bw_is_blank(r->data[at])) at++;
-    if (at == r->size || r->data[at] != '_') refuse(r, BW_E_SYNTAX, "AppendedData does not begin with '_'%s", "");
+    if (at == r->size || r->data[at] != '_')
+        refuse(r, BW_E_SYNTAX, "AppendedData does not begin with '_'%s", "");
     r->appended = at + 1;
     r->appended_base64 = !how || !strcmp(how, "base64");
     XML_StopParser(r->parser, XML_FALSE); /* raw bytes are not XML */
@@ -161,7 +180,8 @@ static void start_appended(reader *r, const char **list, uint64_t tag_end) {
 static void XMLCALL on_start(void *user, const char *name, const char **list) {
     reader *r = user;
     if (r->ctx->error.status != BW_OK) return;
-    uint64_t tag_end = (uint64_t)XML_GetCurrentByteIndex(r->parser) + (uint64_t)XML_GetCurrentByteCount(r->parser);
+    uint64_t tag_end =
+        (uint64_t)XML_GetCurrentByteIndex(r->parser) + (uint64_t)XML_GetCurrentByteCount(r->parser);
     if (r->depth == DEEPEST) {
         refuse(r, BW_E_SYNTAX, "elements nest too deep, at '%s'", name);
         return;
@@ -172,8 +192,10 @@ static void XMLCALL on_start(void *user, const char *name, const char **list) {
     }
     r->inside[r->depth] = place_of(r, name);
     place now = r->inside[r->depth++];
-    if (now == IN_FILE) start_file(r, list);
-    else if (r->depth == 1) refuse(r, BW_E_SYNTAX, "the document is a '%s', not a VTKFile", name);
+    if (now == IN_FILE)
+        start_file(r, list);
+    else if (r->depth == 1)
+        refuse(r, BW_E_SYNTAX, "the document is a '%s', not a VTKFile", name);
     if (now == IN_PIECE) start_piece(r, list);
     if (now == IN_ARRAY) start_array(r, list, tag_end);
 }
@@ -185,7 +207,8 @@ static void XMLCALL on_text(void *user, const char *text, int length) {
     bool blank = true;
     for (int i = 0; i < length && blank; i++) blank = bw_is_blank(text[i]);
     if (blank) return;
-    uint64_t begin = (uint64_t)XML_GetCurrentByteIndex(r->parser), count = (uint64_t)XML_GetCurrentByteCount(r->parser);
+    uint64_t begin = (uint64_t)XML_GetCurrentByteIndex(r->parser),
+             count = (uint64_t)XML_GetCurrentByteCount(r->parser);
     if (!r->has_text) {
         r->text_begin = begin;
         r->open.scan.line = XML_GetCurrentLineNumber(r->parser);
@@ -225,7 +248,8 @@ static void XMLCALL on_end(void *user, const char *name) {
     r->depth--;
 }
 
-static void XMLCALL on_doctype(void *user, const char *name, const char *system, const char *public_id, int internal) {
+static void XMLCALL on_doctype(void *user, const char *name, const char *system, const char *public_id,
+                               int internal) {
     (void)system, (void)public_id, (void)internal;
     refuse(user, BW_E_SYNTAX, "a document type declaration ('%s') is not accepted", name);
 }
@@ -234,9 +258,10 @@ static bw_status fail_xml(reader *r) {
     if (r->ctx->error.status != BW_OK) return r->ctx->error.status;
     enum XML_Error code = XML_GetErrorCode(r->parser);
     bw_scan s = here(r);
-    bool ended = code == XML_ERROR_NO_ELEMENTS || code == XML_ERROR_UNCLOSED_TOKEN || code == XML_ERROR_PARTIAL_CHAR ||
-                 code == XML_ERROR_UNCLOSED_CDATA_SECTION;
-    return bw_scan_fail(&s, ended ? BW_E_TRUNCATED : BW_E_SYNTAX, "not well-formed XML: %s", XML_ErrorString(code));
+    bool ended = code == XML_ERROR_NO_ELEMENTS || code == XML_ERROR_UNCLOSED_TOKEN ||
+                 code == XML_ERROR_PARTIAL_CHAR || code == XML_ERROR_UNCLOSED_CDATA_SECTION;
+    return bw_scan_fail(&s, ended ? BW_E_TRUNCATED : BW_E_SYNTAX, "not well-formed XML: %s",
+                        XML_ErrorString(code));
 }
 
 static bw_status parse(reader *r) {
@@ -257,20 +282,24 @@ static bw_status parse(reader *r) {
     return status;
 }
 
-/* ---- arrays ------------------------------------------------------------------------------------------------------ */
+/* ---- arrays -------------------------------------------------------------------------------------------- */
 
-static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64_t count, bw_scan *scan, void **owned) {
+static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64_t count, bw_scan *scan,
+                            void **owned) {
     reader *r = (reader *)grid;
     *owned = NULL;
     *scan = array->scan;
     if (array->encoding == AS_TEXT) return BW_OK;
-    bw_vtu_coding coding = {.base64 = array->encoding == AS_BASE64 || r->appended_base64, .deflated = r->deflated, .wide = r->wide,
+    bw_vtu_coding coding = {.base64 = array->encoding == AS_BASE64 || r->appended_base64,
+                            .deflated = r->deflated,
+                            .wide = r->wide,
                             .big = r->big};
     bw_scan from = array->scan;
     if (array->encoding == AS_APPENDED) {
         uint64_t offset = array->scan.base;
         if (!r->appended || offset > r->size - r->appended)
-            return bw_scan_fail(&from, r->appended ? BW_E_INDEX : BW_E_TRUNCATED, "the values of '%s' are not in the appended data", array->name);
+            return bw_scan_fail(&from, r->appended ? BW_E_INDEX : BW_E_TRUNCATED,
+                                "the values of '%s' are not in the appended data", array->name);
         from = bw_scan_open(r->ctx, r->data + r->appended + offset, (size_t)(r->size - r->appended - offset));
         from.base = r->appended + offset;
     }
@@ -285,10 +314,11 @@ static bw_status read_part(reader *r, part which, int64_t rows, int64_t componen
     bw_vtk_array *a = &r->part[which];
     bw_scan end = bw_scan_open(r->ctx, r->data, r->size), scan;
     end.line = XML_GetCurrentLineNumber(r->parser);
-    if (!a->components) return bw_scan_fail(&end, BW_E_TRUNCATED, "the input has no array of %s", names[which]);
+    if (!a->components)
+        return bw_scan_fail(&end, BW_E_TRUNCATED, "the input has no array of %s", names[which]);
     if (a->components != components)
-        return bw_scan_fail(&a->scan, BW_E_SYNTAX, "%s have %lld components, not %lld", names[which], (long long)a->components,
-                            (long long)components);
+        return bw_scan_fail(&a->scan, BW_E_SYNTAX, "%s have %lld components, not %lld", names[which],
+                            (long long)a->components, (long long)components);
     void *owned = NULL;
     bw_status status = open_array(&r->grid, a, (uint64_t)(rows * components), &scan, &owned);
     if (status == BW_OK && which == POINTS) status = bw_vtk_read_points(&r->grid, &scan, a->format, rows);
@@ -302,14 +332,16 @@ static bw_status read_part(reader *r, part which, int64_t rows, int64_t componen
 
 static bw_status read_grid(reader *r) {
     bw_scan end = here(r);
-    if (!r->seen_piece) return bw_scan_fail(&end, BW_E_TRUNCATED, "the input has no Piece of an UnstructuredGrid");
+    if (!r->seen_piece)
+        return bw_scan_fail(&end, BW_E_TRUNCATED, "the input has no Piece of an UnstructuredGrid");
     if (!r->cells) return bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets");
     bw_status status = bw_scan_count(&end, "points", r->points, BW_INPUT_VERTICES_MAX, 0);
     if (status == BW_OK) status = bw_scan_count(&end, "cells", r->cells, BW_INPUT_CELLS_MAX, 0);
     if (status == BW_OK) status = read_part(r, POINTS, r->points, 3);
     if (status == BW_OK) status = read_part(r, ENDS, r->cells, 1);
     if (status == BW_OK && r->grid.begin[r->cells] > 16 * (uint64_t)r->cells)
-        status = bw_scan_fail(&end, BW_E_SYNTAX, "the cells have %llu corners: no cells that are read", (unsigned long long)r->grid.begin[r->cells]);
+        status = bw_scan_fail(&end, BW_E_SYNTAX, "the cells have %llu corners: no cells that are read",
+                              (unsigned long long)r->grid.begin[r->cells]);
     if (status == BW_OK) status = read_part(r, CORNERS, (int64_t)r->grid.begin[r->cells], 1);
     if (status == BW_OK) status = read_part(r, TYPES, r->cells, 1);
     return status == BW_OK ? bw_vtk_finish(&r->grid, &end) : status;
@@ -317,7 +349,10 @@ static bw_status read_grid(reader *r) {
 
 bw_status bw_vtu_read_memory(bw_context *ctx, const void *data, size_t size, bw_tet_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
-    reader r = {.ctx = ctx, .data = data, .size = size, .grid = {.ctx = ctx, .mesh = mesh, .open = open_array, .bounded = true}};
+    reader r = {.ctx = ctx,
+                .data = data,
+                .size = size,
+                .grid = {.ctx = ctx, .mesh = mesh, .open = open_array, .bounded = true}};
     const XML_Memory_Handling_Suite memory = {xml_alloc, xml_resize, xml_free};
     bw_context *before = allocating;
     allocating = ctx;

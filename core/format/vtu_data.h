@@ -8,9 +8,10 @@ typedef struct {
     bool base64, deflated, wide, big; /* wide: counts of 64 bits; big: big-endian */
 } bw_vtu_coding;
 
-/* Decodes the `size` bytes that begin at the cursor of *s. *out stands over them: in the input itself (raw and not deflated), else in
- * *owned, which the caller frees. BW_E_COUNT if the header announces another size; BW_E_SYNTAX where base64 or the deflated data is
- * broken; BW_E_TRUNCATED. */
+/* Decodes the `size` bytes that begin at the cursor of *s. *out stands over them: in the input itself (raw
+ * and not deflated), else in
+ * *owned, which the caller frees. BW_E_COUNT if the header announces another size; BW_E_SYNTAX where base64
+ * or the deflated data is broken; BW_E_TRUNCATED. */
 bw_status bw_vtu_decode(bw_scan *s, bw_vtu_coding coding, uint64_t size, bw_scan *out, void **owned);
 
 #endif

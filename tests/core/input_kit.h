@@ -15,7 +15,7 @@
 
 #include "mesh/tetmesh.h"
 
-/* ---- bytes ------------------------------------------------------------------------------------------------------- */
+/* ---- bytes --------------------------------------------------------------------------------------------- */
 
 typedef struct {
     char *bytes;
@@ -23,7 +23,8 @@ typedef struct {
 } kit_bytes;
 
 static inline void put(kit_bytes *out, const void *bytes, size_t size) {
-    if (out->size + size > out->room) out->bytes = realloc(out->bytes, out->room = 2 * (out->size + size) + 64);
+    if (out->size + size > out->room)
+        out->bytes = realloc(out->bytes, out->room = 2 * (out->size + size) + 64);
     if (size) memcpy(out->bytes + out->size, bytes, size);
     out->size += size;
 }
@@ -46,8 +47,10 @@ static inline void put_whole(kit_bytes *out, int64_t value, int size, bool big) 
 static inline void put_real(kit_bytes *out, double value, int size, bool big) {
     uint64_t bits = 0;
     float single = (float)value;
-    if (size == 8) memcpy(&bits, &value, 8);
-    else memcpy(&bits, &single, 4);
+    if (size == 8)
+        memcpy(&bits, &value, 8);
+    else
+        memcpy(&bits, &single, 4);
     put_whole(out, (int64_t)bits, size, big);
 }
 
@@ -63,7 +66,7 @@ static inline void put_base64(kit_bytes *out, const kit_bytes *in) {
     }
 }
 
-/* ---- cells: what VTK and Gmsh call the mixture of tets and lower-dimensional ones --------------------------------- */
+/* ---- cells: what VTK and Gmsh call the mixture of tets and lower-dimensional ones ---------------------- */
 
 typedef struct {
     int corners;
@@ -86,7 +89,9 @@ static inline void add_cell(kit_cells *c, int corners, const bw_vertex *corner, 
 
 /* Features among the tets; with `others`, also a vertex, a line and a triangle that are none. */
 static inline kit_cells mixed_cells(const bw_tet_mesh *m, bool others) {
-    kit_cells c = {.cell = calloc(m->tet_count + m->feature_vertex_count + m->feature_edge_count + m->feature_facet_count + 3, sizeof *c.cell)};
+    kit_cells c = {.cell = calloc(m->tet_count + m->feature_vertex_count + m->feature_edge_count +
+                                      m->feature_facet_count + 3,
+                                  sizeof *c.cell)};
     for (size_t i = 0; i < m->feature_vertex_count; i++) add_cell(&c, 1, &m->feature_vertex[i], -1, true);
     if (others)
         for (int n = 1; n < 4; n++) add_cell(&c, n, m->tet[0], -1, false);
@@ -94,27 +99,32 @@ static inline kit_cells mixed_cells(const bw_tet_mesh *m, bool others) {
         add_cell(&c, 4, m->tet[i], (int64_t)i, false);
         if (i < m->feature_edge_count) add_cell(&c, 2, m->feature_edge[i], -1, true);
     }
-    for (size_t i = m->tet_count; i < m->feature_edge_count; i++) add_cell(&c, 2, m->feature_edge[i], -1, true);
+    for (size_t i = m->tet_count; i < m->feature_edge_count; i++)
+        add_cell(&c, 2, m->feature_edge[i], -1, true);
     for (size_t i = 0; i < m->feature_facet_count; i++) add_cell(&c, 3, m->feature_facet[i], -1, true);
     return c;
 }
 
 static const int kit_vtk_type[5] = {0, 1, 3, 5, 10}, kit_gmsh_type[5] = {0, 15, 1, 2, 4};
 
-/* ---- legacy VTK -------------------------------------------------------------------------------------------------- */
+/* ---- legacy VTK ---------------------------------------------------------------------------------------- */
 
 typedef struct {
     bool binary, version_5, field, feature_array;
 } kit_vtk;
 
 static inline void vtk_whole(kit_bytes *out, kit_vtk how, int64_t value, int size) {
-    if (how.binary) put_whole(out, value, size, true);
-    else put_text(out, "%lld\n", (long long)value);
+    if (how.binary)
+        put_whole(out, value, size, true);
+    else
+        put_text(out, "%lld\n", (long long)value);
 }
 
 static inline void vtk_real(kit_bytes *out, kit_vtk how, double value) {
-    if (how.binary) put_real(out, value, 8, true);
-    else put_text(out, "%.17g ", value);
+    if (how.binary)
+        put_real(out, value, 8, true);
+    else
+        put_text(out, "%.17g ", value);
 }
 
 static inline void write_vtk_cells(kit_bytes *out, const kit_cells *c, kit_vtk how) {
@@ -140,7 +150,8 @@ static inline void write_vtk_cells(kit_bytes *out, const kit_cells *c, kit_vtk h
 static inline kit_bytes write_vtk(const bw_tet_mesh *m, kit_vtk how) {
     kit_bytes out = {0};
     kit_cells c = mixed_cells(m, how.feature_array);
-    put_text(&out, "# vtk DataFile Version %s\na mesh\n%s\nDATASET UNSTRUCTURED_GRID\n", how.version_5 ? "5.1" : "3.0", how.binary ? "BINARY" : "ASCII");
+    put_text(&out, "# vtk DataFile Version %s\na mesh\n%s\nDATASET UNSTRUCTURED_GRID\n",
+             how.version_5 ? "5.1" : "3.0", how.binary ? "BINARY" : "ASCII");
     put_text(&out, "FIELD FieldData 1\nTimeValue 1 1 double\n");
     vtk_real(&out, how, 0.25);
     put_text(&out, "\nPOINTS %zu double\n", m->vertex_count);
@@ -159,16 +170,19 @@ static inline kit_bytes write_vtk(const bw_tet_mesh *m, kit_vtk how) {
     }
     if (how.field) put_text(&out, "FIELD FieldData 2\nother 2 %zu int\n", c.count);
     for (size_t i = 0; i < 2 * c.count && how.field; i++) vtk_whole(&out, how, (int64_t)i, 4);
-    if (how.field) put_text(&out, "\nMETADATA\nINFORMATION 0\n\nmy%%20map 12 %zu double\n", c.count);
-    else put_text(&out, "SCALARS parametrization double 12\nLOOKUP_TABLE default\n");
+    if (how.field)
+        put_text(&out, "\nMETADATA\nINFORMATION 0\n\nmy%%20map 12 %zu double\n", c.count);
+    else
+        put_text(&out, "SCALARS parametrization double 12\nLOOKUP_TABLE default\n");
     for (size_t i = 0; i < c.count; i++)
-        for (int k = 0; k < 12; k++) vtk_real(&out, how, c.cell[i].tet < 0 ? 0 : m->parameter[c.cell[i].tet][k / 3][k % 3]);
+        for (int k = 0; k < 12; k++)
+            vtk_real(&out, how, c.cell[i].tet < 0 ? 0 : m->parameter[c.cell[i].tet][k / 3][k % 3]);
     put_text(&out, "\n");
     free(c.cell);
     return out;
 }
 
-/* ---- VTU --------------------------------------------------------------------------------------------------------- */
+/* ---- VTU ----------------------------------------------------------------------------------------------- */
 
 typedef enum { KIT_ASCII, KIT_INLINE, KIT_APPENDED_RAW, KIT_APPENDED_BASE64 } kit_placing;
 
@@ -199,24 +213,30 @@ static inline void put_encoded(kit_bytes *out, const kit_bytes *raw, kit_vtu how
             free(to);
         }
     }
-    if (base64) put_base64(out, &header), put_base64(out, &body);
-    else put(out, header.bytes, header.size), put(out, body.bytes, body.size);
+    if (base64)
+        put_base64(out, &header), put_base64(out, &body);
+    else
+        put(out, header.bytes, header.size), put(out, body.bytes, body.size);
     free(header.bytes), free(body.bytes);
 }
 
 /* One DataArray of `raw` values of `size` bytes; `text` has the same values for the ascii form. */
-static inline void put_array(kit_bytes *out, kit_bytes *appended, kit_vtu how, const char *type, const char *name, int components,
-                             const kit_bytes *raw, const kit_bytes *text) {
+static inline void put_array(kit_bytes *out, kit_bytes *appended, kit_vtu how, const char *type,
+                             const char *name, int components, const kit_bytes *raw, const kit_bytes *text) {
     static const char *const format[] = {"ascii", "binary", "appended", "appended"};
-    put_text(out, "<DataArray type=\"%s\" Name=\"%s\" NumberOfComponents=\"%d\" format=\"%s\"", type, name, components, format[how.placing]);
+    put_text(out, "<DataArray type=\"%s\" Name=\"%s\" NumberOfComponents=\"%d\" format=\"%s\"", type, name,
+             components, format[how.placing]);
     if (how.placing >= KIT_APPENDED_RAW) {
         put_text(out, " offset=\"%zu\"/>\n", appended->size);
         put_encoded(appended, raw, how, how.placing == KIT_APPENDED_BASE64);
         return;
     }
-    put_text(out, ">\n<InformationKey name=\"L2_NORM_RANGE\" location=\"vtkDataArray\" length=\"2\"><Value index=\"0\">0</Value></InformationKey>\n");
-    if (how.placing == KIT_ASCII) put(out, text->bytes, text->size);
-    else put_encoded(out, raw, how, true);
+    put_text(out, ">\n<InformationKey name=\"L2_NORM_RANGE\" location=\"vtkDataArray\" length=\"2\"><Value "
+                  "index=\"0\">0</Value></InformationKey>\n");
+    if (how.placing == KIT_ASCII)
+        put(out, text->bytes, text->size);
+    else
+        put_encoded(out, raw, how, true);
     put_text(out, "\n</DataArray>\n");
 }
 
@@ -234,17 +254,20 @@ static inline void value_whole(kit_values *v, kit_vtu how, int64_t value, int si
     put_text(&v->text, "%lld ", (long long)value);
 }
 
-static inline void end_values(kit_values *v, kit_bytes *out, kit_bytes *appended, kit_vtu how, const char *type, const char *name, int components) {
+static inline void end_values(kit_values *v, kit_bytes *out, kit_bytes *appended, kit_vtu how,
+                              const char *type, const char *name, int components) {
     put_array(out, appended, how, type, name, components, &v->raw, &v->text);
     free(v->raw.bytes), free(v->text.bytes);
     memset(v, 0, sizeof *v);
 }
 
-static inline void write_vtu_data(kit_bytes *out, kit_bytes *appended, const bw_tet_mesh *m, const kit_cells *c, kit_vtu how) {
+static inline void write_vtu_data(kit_bytes *out, kit_bytes *appended, const bw_tet_mesh *m,
+                                  const kit_cells *c, kit_vtu how) {
     kit_values v = {0};
     put_text(out, "<CellData Scalars=\"feature\">\n");
     for (size_t i = 0; i < c->count; i++)
-        for (int k = 0; k < 12; k++) value_real(&v, how, c->cell[i].tet < 0 ? 0 : m->parameter[c->cell[i].tet][k / 3][k % 3]);
+        for (int k = 0; k < 12; k++)
+            value_real(&v, how, c->cell[i].tet < 0 ? 0 : m->parameter[c->cell[i].tet][k / 3][k % 3]);
     end_values(&v, out, appended, how, "Float64", "UVW", 12);
     for (size_t i = 0; i < 12 * c->count; i++) value_real(&v, how, (double)i);
     end_values(&v, out, appended, how, "Float64", "other", 12);
@@ -269,13 +292,20 @@ static inline kit_bytes write_vtu(const bw_tet_mesh *m, kit_vtu how) {
     kit_bytes out = {0}, appended = {0};
     kit_cells c = mixed_cells(m, !how.no_features);
     if (!how.block) how.block = 1000;
-    put_text(&out, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"%s\" header_type=\"%s\"%s>\n",
-             how.big ? "BigEndian" : "LittleEndian", how.wide ? "UInt64" : "UInt32", how.deflated ? " compressor=\"vtkZLibDataCompressor\"" : "");
-    put_text(&out, "<UnstructuredGrid><!-- two < three -->\n<Piece NumberOfPoints=\"%zu\" NumberOfCells=\"%zu\">\n<PointData/>\n", m->vertex_count, c.count);
+    put_text(&out,
+             "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"%s\" "
+             "header_type=\"%s\"%s>\n",
+             how.big ? "BigEndian" : "LittleEndian", how.wide ? "UInt64" : "UInt32",
+             how.deflated ? " compressor=\"vtkZLibDataCompressor\"" : "");
+    put_text(&out,
+             "<UnstructuredGrid><!-- two < three -->\n<Piece NumberOfPoints=\"%zu\" "
+             "NumberOfCells=\"%zu\">\n<PointData/>\n",
+             m->vertex_count, c.count);
     write_vtu_data(&out, &appended, m, &c, how);
     put_text(&out, "</Piece>\n</UnstructuredGrid>\n");
     if (how.placing >= KIT_APPENDED_RAW) {
-        put_text(&out, "<AppendedData encoding=\"%s\">\n _", how.placing == KIT_APPENDED_RAW ? "raw" : "base64");
+        put_text(&out, "<AppendedData encoding=\"%s\">\n _",
+                 how.placing == KIT_APPENDED_RAW ? "raw" : "base64");
         put(&out, appended.bytes, appended.size);
         put_text(&out, "\n</AppendedData>\n");
     }
@@ -284,26 +314,33 @@ static inline kit_bytes write_vtu(const bw_tet_mesh *m, kit_vtu how) {
     return out;
 }
 
-/* ---- Gmsh -------------------------------------------------------------------------------------------------------- */
+/* ---- Gmsh ---------------------------------------------------------------------------------------------- */
 
 typedef struct {
     bool version_2, binary, big, sparse, no_names;
 } kit_msh;
 
 static inline void msh_whole(kit_bytes *out, kit_msh how, int64_t value, int size) {
-    if (how.binary) put_whole(out, value, size, how.big);
-    else put_text(out, "%lld ", (long long)value);
+    if (how.binary)
+        put_whole(out, value, size, how.big);
+    else
+        put_text(out, "%lld ", (long long)value);
 }
 
 static inline void msh_real(kit_bytes *out, kit_msh how, double value) {
-    if (how.binary) put_real(out, value, 8, how.big);
-    else put_text(out, "%.17g ", value);
+    if (how.binary)
+        put_real(out, value, 8, how.big);
+    else
+        put_text(out, "%.17g ", value);
 }
 
 /* Any numbers that differ, in no order. */
-static inline int64_t msh_tag(kit_msh how, size_t i) { return how.sparse ? (int64_t)(i * 7919 % 100003) * 3 + 5 : (int64_t)i + 1; }
+static inline int64_t msh_tag(kit_msh how, size_t i) {
+    return how.sparse ? (int64_t)(i * 7919 % 100003) * 3 + 5 : (int64_t)i + 1;
+}
 
-/* Entities: 1 of each dimension has the features, 2 what is none; volume 1 the tets. Groups 11: "feature ...", 12: "other". */
+/* Entities: 1 of each dimension has the features, 2 what is none; volume 1 the tets. Groups 11: "feature
+ * ...", 12: "other". */
 static inline void write_msh_groups(kit_bytes *out, kit_msh how) {
     if (!how.no_names) {
         put_text(out, "$PhysicalNames\n6\n");
@@ -335,10 +372,12 @@ static inline void write_msh_nodes(kit_bytes *out, const bw_tet_mesh *m, kit_msh
             if (!how.binary) put_text(out, "\n");
         }
     } else {
-        msh_whole(out, how, 2, 8), msh_whole(out, how, (int64_t)n, 8), msh_whole(out, how, 1, 8), msh_whole(out, how, (int64_t)n, 8);
+        msh_whole(out, how, 2, 8), msh_whole(out, how, (int64_t)n, 8), msh_whole(out, how, 1, 8),
+            msh_whole(out, how, (int64_t)n, 8);
         for (int block = 0; block < 2; block++) {
             size_t from = block ? half : 0, to = block ? n : half;
-            msh_whole(out, how, 2 + block, 4), msh_whole(out, how, 1, 4), msh_whole(out, how, !block, 4), msh_whole(out, how, (int64_t)(to - from), 8);
+            msh_whole(out, how, 2 + block, 4), msh_whole(out, how, 1, 4), msh_whole(out, how, !block, 4),
+                msh_whole(out, how, (int64_t)(to - from), 8);
             for (size_t i = from; i < to; i++) msh_whole(out, how, msh_tag(how, i), 8);
             for (size_t i = from; i < to; i++) {
                 for (int k = 0; k < 3; k++) msh_real(out, how, m->position[i][k]);
@@ -351,7 +390,9 @@ static inline void write_msh_nodes(kit_bytes *out, const bw_tet_mesh *m, kit_msh
 
 static inline void write_msh_element(kit_bytes *out, const kit_cell *x, size_t number, kit_msh how) {
     int word = how.version_2 ? 4 : 8;
-    if (how.version_2 && how.binary) msh_whole(out, how, kit_gmsh_type[x->corners], 4), msh_whole(out, how, 1, 4), msh_whole(out, how, 2, 4);
+    if (how.version_2 && how.binary)
+        msh_whole(out, how, kit_gmsh_type[x->corners], 4), msh_whole(out, how, 1, 4),
+            msh_whole(out, how, 2, 4);
     msh_whole(out, how, msh_tag(how, number), word);
     if (how.version_2) {
         if (!how.binary) put_text(out, "%d 2 ", kit_gmsh_type[x->corners]);
@@ -363,8 +404,11 @@ static inline void write_msh_element(kit_bytes *out, const kit_cell *x, size_t n
 
 static inline void write_msh_elements(kit_bytes *out, const kit_cells *c, kit_msh how) {
     put_text(out, "$Elements\n");
-    if (how.version_2) put_text(out, "%zu\n", c->count);
-    else msh_whole(out, how, (int64_t)c->count, 8), msh_whole(out, how, (int64_t)c->count, 8), msh_whole(out, how, 1, 8), msh_whole(out, how, 1, 8);
+    if (how.version_2)
+        put_text(out, "%zu\n", c->count);
+    else
+        msh_whole(out, how, (int64_t)c->count, 8), msh_whole(out, how, (int64_t)c->count, 8),
+            msh_whole(out, how, 1, 8), msh_whole(out, how, 1, 8);
     for (size_t i = 0; i < c->count; i++) {
         const kit_cell *x = &c->cell[i];
         if (!how.version_2)
@@ -396,7 +440,7 @@ static inline kit_bytes write_msh(const bw_tet_mesh *m, kit_msh how) {
     return out;
 }
 
-/* ---- Medit ------------------------------------------------------------------------------------------------------- */
+/* ---- Medit --------------------------------------------------------------------------------------------- */
 
 typedef struct {
     int binary; /* version of .meshb: 2, 3, 4; 0: text */
@@ -404,12 +448,15 @@ typedef struct {
 } kit_medit;
 
 static inline void medit_whole(kit_bytes *out, kit_medit how, int64_t value) {
-    if (how.binary) put_whole(out, value, how.binary == 4 ? 8 : 4, how.big);
-    else put_text(out, "%lld ", (long long)value);
+    if (how.binary)
+        put_whole(out, value, how.binary == 4 ? 8 : 4, how.big);
+    else
+        put_text(out, "%lld ", (long long)value);
 }
 
 /* A section's title and count; in .meshb the place of the next one, `size` bytes behind the count. */
-static inline void medit_section(kit_bytes *out, kit_medit how, const char *name, int code, size_t count, size_t size) {
+static inline void medit_section(kit_bytes *out, kit_medit how, const char *name, int code, size_t count,
+                                 size_t size) {
     int place = how.binary >= 3 ? 8 : 4, word = how.binary == 4 ? 8 : 4;
     if (!how.binary) {
         put_text(out, "\n%s\n%zu\n", name, count);
@@ -420,13 +467,15 @@ static inline void medit_section(kit_bytes *out, kit_medit how, const char *name
     put_whole(out, (int64_t)count, word, how.big);
 }
 
-static inline void medit_marks(kit_bytes *out, kit_medit how, const char *name, int code, size_t from, size_t to, const bw_vertex *item) {
+static inline void medit_marks(kit_bytes *out, kit_medit how, const char *name, int code, size_t from,
+                               size_t to, const bw_vertex *item) {
     size_t word = how.binary == 4 ? 8 : 4;
     medit_section(out, how, name, code, to - from, word * (to - from));
     for (size_t i = from; i < to; i++) medit_whole(out, how, (item ? item[i] : (int64_t)i) + 1);
 }
 
-static inline void medit_elements(kit_bytes *out, kit_medit how, const char *name, int code, int corners, size_t count, const bw_vertex *list) {
+static inline void medit_elements(kit_bytes *out, kit_medit how, const char *name, int code, int corners,
+                                  size_t count, const bw_vertex *list) {
     size_t word = how.binary == 4 ? 8 : 4;
     medit_section(out, how, name, code, count, word * (size_t)(corners + 1) * count);
     for (size_t i = 0; i < count; i++) {
@@ -440,7 +489,8 @@ static inline kit_bytes write_medit(const bw_tet_mesh *m, kit_medit how) {
     kit_bytes out = {0};
     size_t word = how.binary == 4 ? 8 : 4, fv = m->feature_vertex_count, fe = m->feature_edge_count;
     if (how.binary) {
-        put_whole(&out, 1, 4, how.big), put_whole(&out, how.binary, 4, how.big), put_whole(&out, 3, 4, how.big);
+        put_whole(&out, 1, 4, how.big), put_whole(&out, how.binary, 4, how.big),
+            put_whole(&out, 3, 4, how.big);
         int place = how.binary >= 3 ? 8 : 4;
         put_whole(&out, (int64_t)out.size + place + 4, place, how.big), put_whole(&out, 3, 4, how.big);
     } else {
@@ -449,34 +499,41 @@ static inline kit_bytes write_medit(const bw_tet_mesh *m, kit_medit how) {
     medit_section(&out, how, "Vertices", 4, m->vertex_count, m->vertex_count * (24 + word));
     for (size_t i = 0; i < m->vertex_count; i++) {
         for (int k = 0; k < 3; k++)
-            if (how.binary) put_real(&out, m->position[i][k], 8, how.big);
-            else put_text(&out, "%.17g ", m->position[i][k]);
+            if (how.binary)
+                put_real(&out, m->position[i][k], 8, how.big);
+            else
+                put_text(&out, "%.17g ", m->position[i][k]);
         medit_whole(&out, how, 0);
     }
     medit_marks(&out, how, "Corners", 13, 0, fv / 2, m->feature_vertex);
-    medit_marks(&out, how, "RequiredVertices", 15, 0, fv, m->feature_vertex); /* the first half a second time */
-    medit_marks(&out, how, "Ridges", 14, 0, fe / 2, NULL);                    /* edges come later */
+    medit_marks(&out, how, "RequiredVertices", 15, 0, fv,
+                m->feature_vertex);                        /* the first half a second time */
+    medit_marks(&out, how, "Ridges", 14, 0, fe / 2, NULL); /* edges come later */
     medit_elements(&out, how, "Edges", 5, 2, fe, (const bw_vertex *)m->feature_edge);
     medit_marks(&out, how, "RequiredEdges", 16, fe / 2, fe, NULL);
     medit_marks(&out, how, "NormalAtVertices", 20, 0, 2, NULL); /* passed over */
     medit_elements(&out, how, "Triangles", 6, 3, m->feature_facet_count, (const bw_vertex *)m->feature_facet);
     medit_marks(&out, how, "RequiredTriangles", 17, 0, m->feature_facet_count, NULL);
     medit_elements(&out, how, "Tetrahedra", 8, 4, m->tet_count, (const bw_vertex *)m->tet);
-    if (how.binary) put_whole(&out, 54, 4, how.big), put_whole(&out, 0, how.binary >= 3 ? 8 : 4, how.big);
-    else put_text(&out, "\nEnd\n");
+    if (how.binary)
+        put_whole(&out, 54, 4, how.big), put_whole(&out, 0, how.binary >= 3 ? 8 : 4, how.big);
+    else
+        put_text(&out, "\nEnd\n");
     return out;
 }
 
 static inline kit_bytes write_parameters(const bw_tet_mesh *m) {
     kit_bytes out = {0};
     put_text(&out, "# of a Medit mesh\nparameters %zu\n", m->tet_count);
-    for (size_t i = 0; i < 12 * m->tet_count; i++) put_text(&out, "%.17g%s", m->parameter[i / 12][i % 12 / 3][i % 3], i % 12 == 11 ? "\n" : " ");
+    for (size_t i = 0; i < 12 * m->tet_count; i++)
+        put_text(&out, "%.17g%s", m->parameter[i / 12][i % 12 / 3][i % 3], i % 12 == 11 ? "\n" : " ");
     return out;
 }
 
-/* ---- OpenVolumeMesh ---------------------------------------------------------------------------------------------- */
+/* ---- OpenVolumeMesh ------------------------------------------------------------------------------------ */
 
-/* Turns each tet so that its corner 0 is the smallest of the first three: the order that its first halfface gives it. */
+/* Turns each tet so that its corner 0 is the smallest of the first three: the order that its first halfface
+ * gives it. */
 static inline void turn_tets_for_ovm(bw_tet_mesh *m) {
     for (size_t t = 0; t < m->tet_count; t++)
         while (m->tet[t][0] > m->tet[t][1] || m->tet[t][0] > m->tet[t][2]) {
@@ -518,8 +575,9 @@ static inline int ovm_has(const bw_vertex *lists, size_t count, int size, const 
 static inline kit_bytes write_ovm(const bw_tet_mesh *m, const char *name) {
     static const int side[4][3] = {{0, 1, 2}, {0, 3, 1}, {0, 2, 3}, {1, 3, 2}}, opposite[4] = {3, 2, 1, 0};
     kit_bytes out = {0}, faces = {0}, cells = {0};
-    int32_t (*edge)[3] = calloc(6 * m->tet_count, sizeof *edge), (*face)[3] = calloc(4 * m->tet_count, sizeof *face);
-    double (*value)[3] = calloc(8 * m->tet_count, sizeof *value);
+    int32_t(*edge)[3] = calloc(6 * m->tet_count, sizeof *edge),
+    (*face)[3] = calloc(4 * m->tet_count, sizeof *face);
+    double(*value)[3] = calloc(8 * m->tet_count, sizeof *value);
     size_t edges = 0, face_count = 0;
     for (size_t t = 0; t < m->tet_count; t++) {
         put_text(&cells, "4");
@@ -543,7 +601,8 @@ static inline kit_bytes write_ovm(const bw_tet_mesh *m, const char *name) {
         put_text(&cells, "\n");
     }
     put_text(&out, "OVM ASCII\n# a mesh\nVertices\n%zu\n", m->vertex_count);
-    for (size_t i = 0; i < m->vertex_count; i++) put_text(&out, "%.17g %.17g %.17g\n", m->position[i][0], m->position[i][1], m->position[i][2]);
+    for (size_t i = 0; i < m->vertex_count; i++)
+        put_text(&out, "%.17g %.17g %.17g\n", m->position[i][0], m->position[i][1], m->position[i][2]);
     put_text(&out, "Edges\n%zu\n", edges);
     for (size_t i = 0; i < edges; i++) put_text(&out, "%d %d\n", edge[i][0], edge[i][1]);
     put_text(&out, "Faces\n%zu\n", face_count);
@@ -551,15 +610,22 @@ static inline kit_bytes write_ovm(const bw_tet_mesh *m, const char *name) {
     put_text(&out, "Polyhedra\n%zu\n", m->tet_count);
     put(&out, cells.bytes, cells.size);
     put_text(&out, "VProp int \"feature\"\n");
-    for (size_t i = 0; i < m->vertex_count; i++) put_text(&out, "%d\n", ovm_has(m->feature_vertex, m->feature_vertex_count, 1, &(int32_t){(int32_t)i}));
+    for (size_t i = 0; i < m->vertex_count; i++)
+        put_text(&out, "%d\n",
+                 ovm_has(m->feature_vertex, m->feature_vertex_count, 1, &(int32_t){(int32_t)i}));
     put_text(&out, "CProp string \"a name\"\nfirst\nsecond thing\nEProp bool \"feature\"\n");
-    for (size_t i = 0; i < edges; i++) put_text(&out, "%d\n", ovm_has((const bw_vertex *)m->feature_edge, m->feature_edge_count, 2, edge[i]));
+    for (size_t i = 0; i < edges; i++)
+        put_text(&out, "%d\n",
+                 ovm_has((const bw_vertex *)m->feature_edge, m->feature_edge_count, 2, edge[i]));
     put_text(&out, "HFProp vec3d \"%s\"\n", name);
-    for (size_t i = 0; i < 2 * face_count; i++) put_text(&out, "%.17g %.17g %.17g\n", value[i][0], value[i][1], value[i][2]);
+    for (size_t i = 0; i < 2 * face_count; i++)
+        put_text(&out, "%.17g %.17g %.17g\n", value[i][0], value[i][1], value[i][2]);
     put_text(&out, "HFProp vec3d \"normal\"\n");
     for (size_t i = 0; i < 2 * face_count; i++) put_text(&out, "0 0 1\n");
     put_text(&out, "FProp int \"feature\"\n");
-    for (size_t i = 0; i < face_count; i++) put_text(&out, "%d\n", ovm_has((const bw_vertex *)m->feature_facet, m->feature_facet_count, 3, face[i]));
+    for (size_t i = 0; i < face_count; i++)
+        put_text(&out, "%d\n",
+                 ovm_has((const bw_vertex *)m->feature_facet, m->feature_facet_count, 3, face[i]));
     free(edge), free(face), free(value), free(faces.bytes), free(cells.bytes);
     return out;
 }

@@ -1,4 +1,5 @@
-/* The documented examples of input formats (api/examples/formats) are one and the same mesh, and it goes through the pipeline. */
+/* The documented examples of input formats (api/examples/formats) are one and the same mesh, and it goes
+ * through the pipeline. */
 #include "kit/kit.h"
 
 #include <stdio.h>

@@ -32,7 +32,8 @@ static void prepare(const char *name) {
     bw_model_options options;
     bw_tet_mesh mesh;
     bw_model_options_defaults(&options);
-    options.size = 1, options.noise = 0.7, options.features = 1, options.scramble = BW_SCRAMBLE_CELLS, options.seed = kit_seed();
+    options.size = 1, options.noise = 0.7, options.features = 1, options.scramble = BW_SCRAMBLE_CELLS,
+    options.seed = kit_seed();
     kit_expect_ok(&ctx, bw_model_make(&ctx, name, &options, &model));
     const char *path = kit_temp_path("%s.hexex", name);
     kit_expect_ok(&ctx, bw_model_save(&ctx, &model, path));
@@ -58,9 +59,12 @@ static void expect_same(const bw_tet_mesh *got) {
     assert_int_equal(got->feature_vertex_count, wanted.feature_vertex_count);
     assert_int_equal(got->feature_edge_count, wanted.feature_edge_count);
     assert_int_equal(got->feature_facet_count, wanted.feature_facet_count);
-    expect_bytes(got->feature_vertex, wanted.feature_vertex, wanted.feature_vertex_count * sizeof *wanted.feature_vertex);
-    expect_bytes(got->feature_edge, wanted.feature_edge, wanted.feature_edge_count * sizeof *wanted.feature_edge);
-    expect_bytes(got->feature_facet, wanted.feature_facet, wanted.feature_facet_count * sizeof *wanted.feature_facet);
+    expect_bytes(got->feature_vertex, wanted.feature_vertex,
+                 wanted.feature_vertex_count * sizeof *wanted.feature_vertex);
+    expect_bytes(got->feature_edge, wanted.feature_edge,
+                 wanted.feature_edge_count * sizeof *wanted.feature_edge);
+    expect_bytes(got->feature_facet, wanted.feature_facet,
+                 wanted.feature_facet_count * sizeof *wanted.feature_facet);
     assert_int_equal(got->wall_count, 0);
 }
 
@@ -76,7 +80,8 @@ static void expect_format(bw_input_format format, kit_bytes file, const kit_byte
     bw_tet_mesh_clear(&ctx, &got);
     char *exact = malloc(file.size); /* no byte behind it */
     memcpy(exact, file.bytes, file.size);
-    kit_expect_ok(&ctx, bw_input_read_memory(&ctx, exact, file.size, side ? side->bytes : NULL, side ? side->size : 0, &got));
+    kit_expect_ok(&ctx, bw_input_read_memory(&ctx, exact, file.size, side ? side->bytes : NULL,
+                                             side ? side->size : 0, &got));
     expect_same(&got);
     bw_tet_mesh_clear(&ctx, &got);
     free(exact), free(file.bytes);
@@ -94,7 +99,11 @@ static void for_each_sample(void (*body)(void)) {
 
 static void vtk_forms(void) {
     for (int i = 0; i < 16; i++)
-        expect_format(BW_INPUT_VTK, write_vtk(&wanted, (kit_vtk){.binary = i & 1, .version_5 = i & 2, .field = i & 4, .feature_array = i & 8}), NULL);
+        expect_format(
+            BW_INPUT_VTK,
+            write_vtk(&wanted,
+                      (kit_vtk){.binary = i & 1, .version_5 = i & 2, .field = i & 4, .feature_array = i & 8}),
+            NULL);
 }
 
 static void every_form_of_legacy_vtk_is_the_same_mesh(void **state) {
@@ -105,9 +114,18 @@ static void every_form_of_legacy_vtk_is_the_same_mesh(void **state) {
 static void vtu_forms(void) {
     for (int placing = KIT_ASCII; placing <= KIT_APPENDED_BASE64; placing++)
         for (int i = 0; i < 8; i++)
-            expect_format(BW_INPUT_VTU, write_vtu(&wanted, (kit_vtu){.placing = (kit_placing)placing, .wide = i & 1, .big = i & 2, .deflated = i & 4, .no_features = i == 3}), NULL);
+            expect_format(BW_INPUT_VTU,
+                          write_vtu(&wanted, (kit_vtu){.placing = (kit_placing)placing,
+                                                       .wide = i & 1,
+                                                       .big = i & 2,
+                                                       .deflated = i & 4,
+                                                       .no_features = i == 3}),
+                          NULL);
     for (size_t block = 1; block < 4; block++) /* every phase of base64 */
-        expect_format(BW_INPUT_VTU, write_vtu(&wanted, (kit_vtu){.placing = KIT_INLINE, .deflated = true, .block = 8000 * block}), NULL);
+        expect_format(
+            BW_INPUT_VTU,
+            write_vtu(&wanted, (kit_vtu){.placing = KIT_INLINE, .deflated = true, .block = 8000 * block}),
+            NULL);
 }
 
 static void every_form_of_vtu_is_the_same_mesh(void **state) {
@@ -118,7 +136,13 @@ static void every_form_of_vtu_is_the_same_mesh(void **state) {
 static void msh_forms(void) {
     for (int i = 0; i < 32; i++)
         if ((i & 2) || !(i & 4)) /* only binary files have a byte order */
-            expect_format(BW_INPUT_MSH, write_msh(&wanted, (kit_msh){.version_2 = i & 1, .binary = i & 2, .big = i & 4, .sparse = i & 8, .no_names = i & 16}), NULL);
+            expect_format(BW_INPUT_MSH,
+                          write_msh(&wanted, (kit_msh){.version_2 = i & 1,
+                                                       .binary = i & 2,
+                                                       .big = i & 4,
+                                                       .sparse = i & 8,
+                                                       .no_names = i & 16}),
+                          NULL);
 }
 
 static void every_form_of_gmsh_is_the_same_mesh(void **state) {
@@ -130,7 +154,9 @@ static void medit_forms(void) {
     kit_bytes side = write_parameters(&wanted);
     static const int version[] = {0, 2, 3, 4};
     for (int i = 0; i < 4; i++)
-        for (int big = 0; big < 2; big++) expect_format(BW_INPUT_MEDIT, write_medit(&wanted, (kit_medit){.binary = version[i], .big = big}), &side);
+        for (int big = 0; big < 2; big++)
+            expect_format(BW_INPUT_MEDIT, write_medit(&wanted, (kit_medit){.binary = version[i], .big = big}),
+                          &side);
     free(side.bytes);
 }
 
@@ -139,11 +165,18 @@ static void medit_with_a_side_file_is_the_same_mesh(void **state) {
     for_each_sample(medit_forms);
 }
 
-static int by_bytes2(const void *a, const void *b) { return memcmp(a, b, 8); }
-static int by_bytes3(const void *a, const void *b) { return memcmp(a, b, 12); }
-static int by_vertex(const void *a, const void *b) { return memcmp(a, b, 4); }
+static int by_bytes2(const void *a, const void *b) {
+    return memcmp(a, b, 8);
+}
+static int by_bytes3(const void *a, const void *b) {
+    return memcmp(a, b, 12);
+}
+static int by_vertex(const void *a, const void *b) {
+    return memcmp(a, b, 4);
+}
 
-/* OVM keeps marks at the faces and edges themselves: which of them are features, not in what order they were listed. */
+/* OVM keeps marks at the faces and edges themselves: which of them are features, not in what order they were
+ * listed. */
 static void sort_features(bw_tet_mesh *m) {
     for (size_t i = 0; i < m->feature_edge_count; i++) {
         int32_t key[3];
@@ -155,7 +188,8 @@ static void sort_features(bw_tet_mesh *m) {
         ovm_sorted(m->feature_facet[i], 3, key);
         memcpy(m->feature_facet[i], key, sizeof key);
     }
-    if (m->feature_vertex_count) qsort(m->feature_vertex, m->feature_vertex_count, sizeof *m->feature_vertex, by_vertex);
+    if (m->feature_vertex_count)
+        qsort(m->feature_vertex, m->feature_vertex_count, sizeof *m->feature_vertex, by_vertex);
     qsort(m->feature_edge, m->feature_edge_count, sizeof *m->feature_edge, by_bytes2);
     qsort(m->feature_facet, m->feature_facet_count, sizeof *m->feature_facet, by_bytes3);
 }
@@ -181,7 +215,7 @@ static void openvolumemesh_is_the_same_mesh(void **state) {
     for_each_sample(ovm_forms);
 }
 
-/* ---- ways in ----------------------------------------------------------------------------------------------------- */
+/* ---- ways in ------------------------------------------------------------------------------------------- */
 
 static void a_descriptor_under_proc_is_read_wherever_it_stands(void **state) {
     (void)state;
@@ -211,7 +245,9 @@ static void a_pipe_is_read_in_any_format(void **state) {
     (void)state;
     bw_context_init(&ctx);
     prepare("plus");
-    kit_bytes files[3] = {write_vtu(&wanted, (kit_vtu){.placing = KIT_APPENDED_RAW}), write_msh(&wanted, (kit_msh){.binary = true}), {0}};
+    kit_bytes files[3] = {write_vtu(&wanted, (kit_vtu){.placing = KIT_APPENDED_RAW}),
+                          write_msh(&wanted, (kit_msh){.binary = true}),
+                          {0}};
     files[2].bytes = kit_read_file(kit_temp_path("plus.hexex"), &files[2].size);
     for (int i = 0; i < 3; i++) {
         int end[2];
@@ -220,7 +256,8 @@ static void a_pipe_is_read_in_any_format(void **state) {
         if (!child) {
             close(end[0]);
             for (size_t at = 0; at < files[i].size;) {
-                ssize_t n = write(end[1], files[i].bytes + at, files[i].size - at < 1000 ? files[i].size - at : 1000);
+                ssize_t n =
+                    write(end[1], files[i].bytes + at, files[i].size - at < 1000 ? files[i].size - at : 1000);
                 if (n <= 0) _exit(1);
                 at += (size_t)n;
             }
@@ -249,7 +286,8 @@ typedef struct {
 static bw_status read_job(bw_context *c, void *user) {
     job *j = user;
     bw_tet_mesh mesh;
-    bw_status status = bw_input_read_memory(c, j->file.bytes, j->file.size, j->side.bytes, j->side.size, &mesh);
+    bw_status status =
+        bw_input_read_memory(c, j->file.bytes, j->file.size, j->side.bytes, j->side.size, &mesh);
     bw_tet_mesh_clear(c, &mesh);
     return status;
 }

@@ -1,4 +1,5 @@
-/* Each ill-formed input gets its code, its place and a message. Every case is a documented example with one thing changed. */
+/* Each ill-formed input gets its code, its place and a message. Every case is a documented example with one
+ * thing changed. */
 #include "kit/kit.h"
 
 #include <stdio.h>
@@ -29,7 +30,8 @@ static bool names(const char *kind, int64_t id) {
 static char *damaged(const char *text, const damage *d) {
     const char *at = strstr(text, d->from);
     if (!at) fail_msg("nothing to damage: '%s'", d->from);
-    size_t before = (size_t)(at - text), after = d->to ? strlen(at + strlen(d->from)) : 0, middle = d->to ? strlen(d->to) : 0;
+    size_t before = (size_t)(at - text), after = d->to ? strlen(at + strlen(d->from)) : 0,
+           middle = d->to ? strlen(d->to) : 0;
     char *out = malloc(before + middle + after + 1);
     memcpy(out, text, before);
     if (middle) memcpy(out + before, d->to, middle);
@@ -43,9 +45,11 @@ static void refuses(const void *data, size_t size, const char *side, const damag
     bw_context_init(&ctx);
     bw_status status = bw_input_read_memory(&ctx, data, size, side, side ? strlen(side) : 0, &mesh);
     if (status != d->status)
-        fail_msg("'%s' -> '%s': %s, not %s: %s", d->from, d->to ? d->to : "(end)", bw_status_code(status), bw_status_code(d->status), ctx.error.message);
+        fail_msg("'%s' -> '%s': %s, not %s: %s", d->from, d->to ? d->to : "(end)", bw_status_code(status),
+                 bw_status_code(d->status), ctx.error.message);
     if (!strstr(ctx.error.message, d->words)) fail_msg("message lacks '%s': %s", d->words, ctx.error.message);
-    if (d->kind && !names(d->kind, d->id)) fail_msg("%s %lld is not named: %s", d->kind, (long long)d->id, ctx.error.message);
+    if (d->kind && !names(d->kind, d->id))
+        fail_msg("%s %lld is not named: %s", d->kind, (long long)d->id, ctx.error.message);
     assert_int_equal(ctx.memory.used, 0);
     assert_null(mesh.position);
 }
@@ -53,7 +57,8 @@ static void refuses(const void *data, size_t size, const char *side, const damag
 static void refuse_all(const char *file, const damage *list, size_t count) {
     char path[500];
     snprintf(path, sizeof path, FOLDER "%s", file);
-    char *text = kit_read_file(path, NULL), *side = strcmp(file, "cube.mesh") ? NULL : kit_read_file(FOLDER "cube.parameters", NULL);
+    char *text = kit_read_file(path, NULL),
+         *side = strcmp(file, "cube.mesh") ? NULL : kit_read_file(FOLDER "cube.parameters", NULL);
     for (size_t i = 0; i < count; i++) {
         char *bad = damaged(text, &list[i]);
         refuses(bad, strlen(bad), side, &list[i]);
@@ -81,13 +86,15 @@ static void legacy_vtk(void **state) {
         {"10\n10\n10\n10", "10\n12\n10\n10", BW_E_SYNTAX, "cell", 1, "type 12; only tets"},
         {"10\n10\n10\n10", "10\n5\n10\n10", BW_E_SYNTAX, "cell", 1, "a cell of type 5 has 3 corners, not 4"},
         {"CELL_DATA 11", "CELL_DATA 12", BW_E_COUNT, NULL, 0, "data of 12 cells, but there are 11"},
-        {"parametrization 12 11", "parametrization 11 12", BW_E_SYNTAX, NULL, 0, "no cell array has 12 components"},
+        {"parametrization 12 11", "parametrization 11 12", BW_E_SYNTAX, NULL, 0,
+         "no cell array has 12 components"},
         {"parametrization 12 11", "parametrization 12 10", BW_E_COUNT, NULL, 0, "not one per cell"},
         {"parametrization 12", NULL, BW_E_COUNT, NULL, 0, "1 arrays cannot be in the 1 bytes"},
         {"CELL_DATA", NULL, BW_E_SYNTAX, NULL, 0, "the parametrization is missing"},
         {"CELL_TYPES", NULL, BW_E_TRUNCATED, NULL, 0, "without the types of the cells"},
         {"0.25 0.5 0", "0.25 inf 0", BW_E_NUMBER, "cell", 0, "'inf'"},
-        {"FIELD FieldData 1\n", "VECTORS wind double\n", BW_E_SYNTAX, NULL, 0, "is not a section that is read here"},
+        {"FIELD FieldData 1\n", "VECTORS wind double\n", BW_E_SYNTAX, NULL, 0,
+         "is not a section that is read here"},
     };
     REFUSE_ALL("cube.vtk", list);
 }
@@ -95,18 +102,24 @@ static void legacy_vtk(void **state) {
 static void vtu(void **state) {
     (void)state;
     static const damage list[] = {
-        {"<?xml version=\"1.0\"?>", "<!DOCTYPE a [<!ENTITY b \"c\">]>", BW_E_SYNTAX, "line", 1, "a document type declaration"},
+        {"<?xml version=\"1.0\"?>", "<!DOCTYPE a [<!ENTITY b \"c\">]>", BW_E_SYNTAX, "line", 1,
+         "a document type declaration"},
         {"type=\"UnstructuredGrid\"", "type=\"PolyData\"", BW_E_SYNTAX, "line", 2, "'PolyData'"},
         {"LittleEndian", "MiddleEndian", BW_E_SYNTAX, "line", 2, "byte_order 'MiddleEndian'"},
-        {"header_type=\"UInt64\"", "compressor=\"vtkLZ4DataCompressor\"", BW_E_SYNTAX, "line", 2, "only vtkZLibDataCompressor"},
+        {"header_type=\"UInt64\"", "compressor=\"vtkLZ4DataCompressor\"", BW_E_SYNTAX, "line", 2,
+         "only vtkZLibDataCompressor"},
         {"</Piece>", "</Piece><Piece/>", BW_E_SYNTAX, NULL, 0, "a second Piece"},
         {"</Points>", "</Pints>", BW_E_SYNTAX, NULL, 0, "mismatched tag"},
         {"</Points>", NULL, BW_E_TRUNCATED, NULL, 0, "not well-formed"},
-        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"80000000\"", BW_E_COUNT, NULL, 0, "80000000 points cannot be"},
-        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"-1\"", BW_E_COUNT, "line", 4, "'-1' is no number of things"},
-        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"7\"", BW_E_COUNT, "line", 14, "more values than belong here"},
+        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"80000000\"", BW_E_COUNT, NULL, 0,
+         "80000000 points cannot be"},
+        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"-1\"", BW_E_COUNT, "line", 4,
+         "'-1' is no number of things"},
+        {"NumberOfPoints=\"8\"", "NumberOfPoints=\"7\"", BW_E_COUNT, "line", 14,
+         "more values than belong here"},
         {"NumberOfCells=\"11\"", "NumberOfCells=\"0\"", BW_E_EMPTY, NULL, 0, "no tets"},
-        {"Float64\" Name=\"Points\"", "String\" Name=\"Points\"", BW_E_TRUNCATED, NULL, 0, "no array of points"},
+        {"Float64\" Name=\"Points\"", "String\" Name=\"Points\"", BW_E_TRUNCATED, NULL, 0,
+         "no array of points"},
         {"Name=\"offsets\"", "Name=\"ends\"", BW_E_TRUNCATED, NULL, 0, "no array of offsets"},
         {"1 0 0\n", "1 nan 0\n", BW_E_NUMBER, "vertex", 1, "line 8 (vertex 1): 'nan'"},
         {"0 5 1 7", "0 5 1 77", BW_E_INDEX, "cell", 1, "line 20 (cell 1): index 77 is outside 0..7"},
@@ -116,8 +129,10 @@ static void vtu(void **state) {
         {"format=\"ascii\"", "format=\"morse\"", BW_E_SYNTAX, "line", 6, "format 'morse'"},
         {"format=\"ascii\"", "format=\"appended\"", BW_E_TRUNCATED, NULL, 0, "not in the appended data"},
         {"format=\"ascii\"", "format=\"binary\"", BW_E_COUNT, NULL, 0, "bytes are announced"},
-        {"NumberOfComponents=\"12\"", "NumberOfComponents=\"6\"", BW_E_SYNTAX, NULL, 0, "no cell array has 12 components"},
-        {"Name=\"feature\" NumberOfComponents=\"1\"", "Name=\"feature\" NumberOfComponents=\"2\"", BW_E_SYNTAX, NULL, 0, "has 2 components, not 1"},
+        {"NumberOfComponents=\"12\"", "NumberOfComponents=\"6\"", BW_E_SYNTAX, NULL, 0,
+         "no cell array has 12 components"},
+        {"Name=\"feature\" NumberOfComponents=\"1\"", "Name=\"feature\" NumberOfComponents=\"2\"",
+         BW_E_SYNTAX, NULL, 0, "has 2 components, not 1"},
     };
     REFUSE_ALL("cube.vtu", list);
 }
@@ -169,23 +184,28 @@ static void medit(void **state) {
 static void side_files(void **state) {
     (void)state;
     static const damage list[] = {
-        {"parameters 6", "parameters 5", BW_E_COUNT, "line", 1, "parameters: line 1: parameters of 5 tets, but the mesh has 6"},
+        {"parameters 6", "parameters 5", BW_E_COUNT, "line", 1,
+         "parameters: line 1: parameters of 5 tets, but the mesh has 6"},
         {"parameters", "sol", BW_E_SYNTAX, "line", 1, "the word parameters is due"},
         {"0.25 0.5 0", "0.25 nan 0", BW_E_NUMBER, "tet", 0, "parameters: line 2 (tet 0): 'nan'"},
     };
-    char *mesh = kit_read_file(FOLDER "cube.mesh", NULL), *side = kit_read_file(FOLDER "cube.parameters", NULL);
+    char *mesh = kit_read_file(FOLDER "cube.mesh", NULL),
+         *side = kit_read_file(FOLDER "cube.parameters", NULL);
     for (size_t i = 0; i < sizeof list / sizeof *list; i++) {
         char *bad = damaged(side, &list[i]);
         refuses(mesh, strlen(mesh), bad, &list[i]);
         free(bad);
     }
-    refuses(mesh, strlen(mesh), NULL, &(damage){"", "", BW_E_SYNTAX, NULL, 0, "a side file with \"parameters 6\""});
+    refuses(mesh, strlen(mesh), NULL,
+            &(damage){"", "", BW_E_SYNTAX, NULL, 0, "a side file with \"parameters 6\""});
     refuses(mesh, strlen(mesh), "", &(damage){"", "", BW_E_TRUNCATED, NULL, 0, "parameters: line 1"});
     char longer[4000];
     snprintf(longer, sizeof longer, "%s1", side);
-    refuses(mesh, strlen(mesh), longer, &(damage){"", "", BW_E_SYNTAX, NULL, 0, "more text after the last tet"});
+    refuses(mesh, strlen(mesh), longer,
+            &(damage){"", "", BW_E_SYNTAX, NULL, 0, "more text after the last tet"});
     char *other = kit_read_file(FOLDER "cube.ovm", NULL);
-    refuses(other, strlen(other), side, &(damage){"", "", BW_E_USAGE, NULL, 0, "belongs to a Medit mesh only; the input is ovm"});
+    refuses(other, strlen(other), side,
+            &(damage){"", "", BW_E_USAGE, NULL, 0, "belongs to a Medit mesh only; the input is ovm"});
     free(mesh), free(side), free(other);
 }
 
@@ -202,9 +222,12 @@ static void openvolumemesh(void **state) {
         {"4 0 2 4 6", "4 0 2 4 99", BW_E_INDEX, "tet", 0, "index 99"},
         {"4 0 2 4 6", "4 0 2 4 8", BW_E_SYNTAX, "tet", 0, "not the four sides of a tet"},
         {"4 0 2 4 6", "4 0 0 4 6", BW_E_SYNTAX, "tet", 0, "belongs to another tet already"},
-        {"HFProp vec3d \"HexHex::Parametrization\"", "HFProp vec3f \"HexHex::Parametrization\"", BW_E_SYNTAX, NULL, 0, "no HFProp of type vec3d"},
-        {"HFProp vec3d \"HexHex::Parametrization\"", "Prop vec3d \"HexHex::Parametrization\"", BW_E_SYNTAX, NULL, 0, "a property is due"},
-        {"HFProp vec3d \"HexHex::Parametrization\"", "HFProp vec3d", BW_E_SYNTAX, NULL, 0, "a name in quotes"},
+        {"HFProp vec3d \"HexHex::Parametrization\"", "HFProp vec3f \"HexHex::Parametrization\"", BW_E_SYNTAX,
+         NULL, 0, "no HFProp of type vec3d"},
+        {"HFProp vec3d \"HexHex::Parametrization\"", "Prop vec3d \"HexHex::Parametrization\"", BW_E_SYNTAX,
+         NULL, 0, "a property is due"},
+        {"HFProp vec3d \"HexHex::Parametrization\"", "HFProp vec3d", BW_E_SYNTAX, NULL, 0,
+         "a name in quotes"},
         {"VProp int \"feature\"", "VProp vec3d \"feature\"", BW_E_SYNTAX, NULL, 0, "neither int nor bool"},
         {"1.25 1.5 1", "1.25 1.5", BW_E_SYNTAX, "line", 98, "values are missing before this property"},
     };
@@ -235,22 +258,26 @@ static void encoded_data(void **state) {
     kit_bytes raw = write_vtu(&mesh, (kit_vtu){.placing = KIT_APPENDED_RAW, .deflated = true});
     char *data = memchr(memmem(raw.bytes, raw.size, "<AppendedData", 13), '_', 400) + 1;
     data[4] ^= 1; /* the size of a block */
-    refuses(raw.bytes, raw.size, NULL, &(damage){"", "", BW_E_COUNT, NULL, 0, "the header of the deflated data"});
+    refuses(raw.bytes, raw.size, NULL,
+            &(damage){"", "", BW_E_COUNT, NULL, 0, "the header of the deflated data"});
     data[4] ^= 1;
     uint32_t blocks;
     memcpy(&blocks, data, 4);
     data[4 * (3 + blocks) + 20] ^= 0x55; /* in the first deflated block */
-    refuses(raw.bytes, raw.size, NULL, &(damage){"", "", BW_E_SYNTAX, NULL, 0, "a deflated block is damaged"});
+    refuses(raw.bytes, raw.size, NULL,
+            &(damage){"", "", BW_E_SYNTAX, NULL, 0, "a deflated block is damaged"});
     kit_bytes text = write_vtu(&mesh, (kit_vtu){.placing = KIT_INLINE});
     char *at = memmem(text.bytes, text.size, "</Value></InformationKey>\n", 26);
     at[60] = '*';
     refuses(text.bytes, text.size, NULL, &(damage){"", "", BW_E_SYNTAX, NULL, 0, "this is not base64"});
     kit_bytes vtk = write_vtk(&mesh, (kit_vtk){.binary = true});
-    refuses(vtk.bytes, vtk.size - 100, NULL, &(damage){"", "", BW_E_COUNT, "byte", (int64_t)(vtk.size - 12 * 8 * 10 - 1), "cannot be in the"});
+    refuses(vtk.bytes, vtk.size - 100, NULL,
+            &(damage){"", "", BW_E_COUNT, "byte", (int64_t)(vtk.size - 12 * 8 * 10 - 1), "cannot be in the"});
     kit_bytes msh = write_msh(&mesh, (kit_msh){.binary = true});
     refuses(msh.bytes, msh.size - 400, NULL, &(damage){"", "", BW_E_COUNT, NULL, 0, "byte"});
     kit_bytes meshb = write_medit(&mesh, (kit_medit){.binary = 3});
-    refuses(meshb.bytes, meshb.size - 100, "parameters 6", &(damage){"", "", BW_E_TRUNCATED, NULL, 0, "the next section is at byte"});
+    refuses(meshb.bytes, meshb.size - 100, "parameters 6",
+            &(damage){"", "", BW_E_TRUNCATED, NULL, 0, "the next section is at byte"});
     free(raw.bytes), free(text.bytes), free(vtk.bytes), free(msh.bytes), free(meshb.bytes);
     bw_tet_mesh_clear(&ctx, &mesh);
 }
@@ -261,7 +288,8 @@ static void a_missing_file_is_an_io_error(void **state) {
     bw_context_init(&ctx);
     kit_expect_status(&ctx, bw_input_read(&ctx, kit_temp_path("nothing"), NULL, &mesh), BW_E_IO);
     bw_context_init(&ctx);
-    kit_expect_status(&ctx, bw_input_read(&ctx, FOLDER "cube.mesh", kit_temp_path("nothing"), &mesh), BW_E_IO);
+    kit_expect_status(&ctx, bw_input_read(&ctx, FOLDER "cube.mesh", kit_temp_path("nothing"), &mesh),
+                      BW_E_IO);
     bw_context_init(&ctx);
     kit_expect_status(&ctx, bw_input_read(&ctx, kit_temp_dir(), NULL, &mesh), BW_E_IO);
     assert_int_equal(ctx.memory.used, 0);
@@ -271,14 +299,16 @@ static volatile sig_atomic_t asked = 1;
 
 static void a_cancelled_job_stops_in_every_reader(void **state) {
     (void)state;
-    static const char *const files[] = {"cube.vtk", "cube.vtu", "cube.msh", "cube.mesh", "cube.ovm", "cube.hexex"};
+    static const char *const files[] = {"cube.vtk",  "cube.vtu", "cube.msh",
+                                        "cube.mesh", "cube.ovm", "cube.hexex"};
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         char path[500];
         bw_tet_mesh mesh;
         snprintf(path, sizeof path, FOLDER "%s", files[i]);
         bw_context_init(&ctx);
         ctx.cancel = &asked;
-        kit_expect_status(&ctx, bw_input_read(&ctx, path, i == 3 ? FOLDER "cube.parameters" : NULL, &mesh), BW_E_CANCELLED);
+        kit_expect_status(&ctx, bw_input_read(&ctx, path, i == 3 ? FOLDER "cube.parameters" : NULL, &mesh),
+                          BW_E_CANCELLED);
         assert_int_equal(ctx.memory.used, 0);
     }
 }

@@ -1,4 +1,5 @@
-/* The multi-block VTK files of a block complex, read by a parser of the tests' own, and by VTK where it is installed. */
+/* The multi-block VTK files of a block complex, read by a parser of the tests' own, and by VTK where it is
+ * installed. */
 #include "core/encode_kit.h"
 
 #include <math.h>
@@ -8,14 +9,16 @@
 static const struct {
     const char *name;
     int size;
-} samples[] = {{"cuboid", 2}, {"plus", 2}, {"cylinder", 1}, {"torus-quarter", 1}, {"hollow-torus", 1}, {"tee", 1}};
+} samples[] = {{"cuboid", 2},        {"plus", 2},         {"cylinder", 1},
+               {"torus-quarter", 1}, {"hollow-torus", 1}, {"tee", 1}};
 enum { SAMPLES = sizeof samples / sizeof *samples };
-static const char *const names[BW_VTM_FILES] = {"blocks.vtu", "walls.vtu", "arcs.vtu", "nodes.vtu", "complex.vtm"};
+static const char *const names[BW_VTM_FILES] = {"blocks.vtu", "walls.vtu", "arcs.vtu", "nodes.vtu",
+                                                "complex.vtm"};
 
-/* ---- writing ----------------------------------------------------------------------------------------------------- */
+/* ---- writing ------------------------------------------------------------------------------------------- */
 
 static double (*positions(encoded *e))[3] {
-    double (*at)[3] = bw_alloc(&e->ctx, e->cells.vertex_count, sizeof *at);
+    double(*at)[3] = bw_alloc(&e->ctx, e->cells.vertex_count, sizeof *at);
     for (size_t v = 0; v < e->cells.vertex_count; v++) bw_cells_position(&e->cells, (bw_cvertex)v, at[v]);
     return at;
 }
@@ -44,7 +47,7 @@ static void end(job *j) {
     encode_clear(&j->e);
 }
 
-/* ---- reading ----------------------------------------------------------------------------------------------------- */
+/* ---- reading ------------------------------------------------------------------------------------------- */
 
 typedef struct {
     char *bytes;
@@ -98,12 +101,13 @@ static void expect_type(const vtu *v, size_t cells, uint8_t type) {
     free(types);
 }
 
-/* ---- blocks ------------------------------------------------------------------------------------------------------ */
+/* ---- blocks -------------------------------------------------------------------------------------------- */
 
 static double det(const double *o, const double *a, const double *b, const double *c) {
     double x[3], y[3], z[3];
     for (int k = 0; k < 3; k++) x[k] = a[k] - o[k], y[k] = b[k] - o[k], z[k] = c[k] - o[k];
-    return x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
+    return x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) +
+           x[2] * (y[0] * z[1] - y[1] * z[0]);
 }
 
 /* Every directed edge of a polyhedron's faces is matched by its opposite. */
@@ -136,7 +140,8 @@ static double volume_of(const double (*point)[3], const int32_t *face, size_t fa
     double sum = 0;
     for (size_t f = 0; f < faces; f++) {
         int32_t corners = *face++;
-        for (int32_t i = 1; i + 1 < corners; i++) sum += det(o, point[face[0]], point[face[i]], point[face[i + 1]]);
+        for (int32_t i = 1; i + 1 < corners; i++)
+            sum += det(o, point[face[0]], point[face[i]], point[face[i + 1]]);
         face += corners;
     }
     return sum / 6;
@@ -163,7 +168,7 @@ static void check_blocks(const job *j) {
     vtu v = open_vtu("blocks.vtu");
     size_t cells = attribute(&v, "NumberOfCells"), points = attribute(&v, "NumberOfPoints"), corners, numbers;
     assert_int_equal(cells, j->e.cells.cell_count);
-    double (*point)[3] = array_of(&v, "Points", 8, 3 * points);
+    double(*point)[3] = array_of(&v, "Points", 8, 3 * points);
     int32_t *corner = array(&v, "connectivity", 4, &corners), *faces = array(&v, "faces", 4, &numbers);
     int64_t *offset = array_of(&v, "offsets", 8, cells), *face_offset = array_of(&v, "faceoffsets", 8, cells);
     int32_t *block = array_of(&v, "block", 4, cells), *tet = array_of(&v, "tet", 4, cells);
@@ -184,22 +189,27 @@ static void check_blocks(const job *j) {
     }
     for (size_t t = 0; t < j->e.mesh.tet_count; t++) {
         const bw_vertex *x = j->e.mesh.tet[t];
-        wanted += fabs(det(j->e.mesh.position[x[0]], j->e.mesh.position[x[1]], j->e.mesh.position[x[2]], j->e.mesh.position[x[3]])) / 6;
+        wanted += fabs(det(j->e.mesh.position[x[0]], j->e.mesh.position[x[1]], j->e.mesh.position[x[2]],
+                           j->e.mesh.position[x[3]])) /
+                  6;
     }
     assert_true(fabs(total - wanted) < 1e-10 * wanted);
-    free(point), free(corner), free(faces), free(offset), free(face_offset), free(block), free(tet), free(v.bytes);
+    free(point), free(corner), free(faces), free(offset), free(face_offset), free(block), free(tet),
+        free(v.bytes);
 }
 
-/* ---- walls, arcs, nodes ------------------------------------------------------------------------------------------ */
+/* ---- walls, arcs, nodes -------------------------------------------------------------------------------- */
 
 static void check_walls(const job *j) {
     const bw_complex *x = &j->e.complex;
     vtu v = open_vtu("walls.vtu");
     size_t cells = attribute(&v, "NumberOfCells"), corners;
     assert_int_equal(cells, x->patch_polygon_begin[x->patch_count]);
-    int32_t *patch = array_of(&v, "patch", 4, cells), *blocks = array_of(&v, "blocks", 4, 2 * cells), *corner = array(&v, "connectivity", 4, &corners);
+    int32_t *patch = array_of(&v, "patch", 4, cells), *blocks = array_of(&v, "blocks", 4, 2 * cells),
+            *corner = array(&v, "connectivity", 4, &corners);
     int64_t *offset = array_of(&v, "offsets", 8, cells);
-    double *distance = array_of(&v, "distance", 8, cells), (*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
+    double *distance = array_of(&v, "distance", 8, cells),
+           (*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
     uint8_t *boundary = array_of(&v, "boundary", 1, cells), *flags = array_of(&v, "flags", 1, cells);
     expect_type(&v, cells, 7);
     for (size_t i = 0; i < cells; i++) {
@@ -217,7 +227,8 @@ static void check_walls(const job *j) {
             assert_memory_equal(point[corner[k]], j->at[j->e.cells.half[h].origin], sizeof *point);
         assert_int_equal(h, j->e.cells.polygon[p].half); /* all the way around */
     }
-    free(patch), free(blocks), free(corner), free(offset), free(distance), free(point), free(boundary), free(flags), free(v.bytes);
+    free(patch), free(blocks), free(corner), free(offset), free(distance), free(point), free(boundary),
+        free(flags), free(v.bytes);
 }
 
 static void check_arcs(const job *j) {
@@ -225,10 +236,13 @@ static void check_arcs(const job *j) {
     vtu v = open_vtu("arcs.vtu");
     size_t arcs = attribute(&v, "NumberOfCells"), corners;
     assert_int_equal(arcs, x->arc_count);
-    int32_t *arc = array_of(&v, "arc", 4, arcs), *quarters = array_of(&v, "quarters", 4, arcs), *corner = array(&v, "connectivity", 4, &corners);
+    int32_t *arc = array_of(&v, "arc", 4, arcs), *quarters = array_of(&v, "quarters", 4, arcs),
+            *corner = array(&v, "connectivity", 4, &corners);
     int64_t *offset = array_of(&v, "offsets", 8, arcs);
-    double *length = array_of(&v, "length", 8, arcs), (*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
-    uint8_t *singular = array_of(&v, "singular", 1, arcs), *t = array_of(&v, "t", 1, arcs), *boundary = array_of(&v, "boundary", 1, arcs);
+    double *length = array_of(&v, "length", 8, arcs),
+           (*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
+    uint8_t *singular = array_of(&v, "singular", 1, arcs), *t = array_of(&v, "t", 1, arcs),
+            *boundary = array_of(&v, "boundary", 1, arcs);
     expect_type(&v, arcs, 4);
     for (size_t a = 0; a < arcs; a++) {
         size_t from = a ? (size_t)offset[a - 1] : 0, to = (size_t)offset[a];
@@ -243,7 +257,8 @@ static void check_arcs(const job *j) {
         assert_int_equal(boundary[a], !!(x->arc_flags[a] & BW_ARC_BOUNDARY));
         assert_int_equal(t[a], !!(x->arc_flags[a] & BW_ARC_T));
     }
-    free(arc), free(quarters), free(corner), free(offset), free(length), free(point), free(singular), free(t), free(boundary), free(v.bytes);
+    free(arc), free(quarters), free(corner), free(offset), free(length), free(point), free(singular), free(t),
+        free(boundary), free(v.bytes);
 }
 
 static void check_nodes(const job *j) {
@@ -254,7 +269,7 @@ static void check_nodes(const job *j) {
     int32_t *node = array_of(&v, "node", 4, nodes), *corner = array_of(&v, "connectivity", 4, nodes);
     int64_t *offset = array_of(&v, "offsets", 8, nodes);
     uint8_t *flags = array_of(&v, "flags", 1, nodes), *singular = array_of(&v, "singular", 1, nodes);
-    double (*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
+    double(*point)[3] = array_of(&v, "Points", 8, 3 * attribute(&v, "NumberOfPoints"));
     expect_type(&v, nodes, 1);
     for (size_t n = 0; n < nodes; n++) {
         assert_int_equal(node[n], n);
@@ -310,7 +325,9 @@ static void the_same_complex_gives_the_same_bytes(void **state) {
             assert_int_equal(j.written[f].bytes, n);
             assert_false(kit_exists(kit_temp_path("%s.part", names[f])));
             if (!run) first[f] = bytes, size[f] = n;
-            if (run) assert_int_equal(n, size[f]), assert_memory_equal(bytes, first[f], n), free(bytes), free(first[f]);
+            if (run)
+                assert_int_equal(n, size[f]), assert_memory_equal(bytes, first[f], n), free(bytes),
+                    free(first[f]);
         }
         end(&j);
     }
@@ -334,7 +351,7 @@ static void a_folder_that_is_not_there_is_an_io_error(void **state) {
     end(&j);
 }
 
-/* ---- VTK --------------------------------------------------------------------------------------------------------- */
+/* ---- VTK ----------------------------------------------------------------------------------------------- */
 
 static const char reads_with_vtk[] =
     "import sys\n"
@@ -350,7 +367,8 @@ static const char reads_with_vtk[] =
     "    name = m.GetMetaData(i).Get(vtk.vtkCompositeDataSet.NAME())\n"
     "    print(name, g.GetNumberOfCells(), kinds.GetNumberOfTypes(), kinds.GetCellType(0), *arrays)\n"
     "g = m.GetBlock(0)\n"
-    "f = vtk.vtkDataSetSurfaceFilter(); f.SetInputData(g); t = vtk.vtkTriangleFilter(); t.SetInputConnection(f.GetOutputPort())\n"
+    "f = vtk.vtkDataSetSurfaceFilter(); f.SetInputData(g); t = vtk.vtkTriangleFilter(); "
+    "t.SetInputConnection(f.GetOutputPort())\n"
     "p = vtk.vtkMassProperties(); p.SetInputConnection(t.GetOutputPort()); p.Update()\n"
     "print('volume %.6g' % p.GetVolume())\n";
 
@@ -360,7 +378,8 @@ static void vtk_reads_what_was_written(void **state) {
     begin(&j, "cylinder", 1, BW_COMPLEX_MC);
     const char *script = kit_temp_path("read.py");
     kit_write_text(script, reads_with_vtk);
-    kit_result r = kit_run((const char *const[]){"/usr/bin/python3", script, kit_temp_path("complex.vtm"), NULL});
+    kit_result r =
+        kit_run((const char *const[]){"/usr/bin/python3", script, kit_temp_path("complex.vtm"), NULL});
     if (r.exit == 77 || r.exit == 127) {
         kit_result_clear(&r);
         end(&j);
@@ -369,14 +388,18 @@ static void vtk_reads_what_was_written(void **state) {
     double volume = 0;
     for (size_t t = 0; t < j.e.mesh.tet_count; t++) {
         const bw_vertex *x = j.e.mesh.tet[t];
-        volume += fabs(det(j.e.mesh.position[x[0]], j.e.mesh.position[x[1]], j.e.mesh.position[x[2]], j.e.mesh.position[x[3]])) / 6;
+        volume += fabs(det(j.e.mesh.position[x[0]], j.e.mesh.position[x[1]], j.e.mesh.position[x[2]],
+                           j.e.mesh.position[x[3]])) /
+                  6;
     }
     char wanted[600];
     const bw_complex *x = &j.e.complex;
     snprintf(wanted, sizeof wanted,
              "blocks %zu 1 42 block tet\nwalls %zu 1 7 patch blocks distance boundary flags\n"
-             "arcs %zu 1 4 arc length quarters singular boundary t flags\nnodes %zu 1 1 node singular boundary flags\nvolume %.6g\n",
-             j.e.cells.cell_count, x->patch_polygon_begin[x->patch_count], x->arc_count, x->node_count, volume);
+             "arcs %zu 1 4 arc length quarters singular boundary t flags\nnodes %zu 1 1 node singular "
+             "boundary flags\nvolume %.6g\n",
+             j.e.cells.cell_count, x->patch_polygon_begin[x->patch_count], x->arc_count, x->node_count,
+             volume);
     if (r.exit || *r.err) fail_msg("python3: exit %d: %s", r.exit, r.err);
     assert_string_equal(r.out, wanted);
     kit_result_clear(&r);

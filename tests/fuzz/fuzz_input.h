@@ -14,11 +14,15 @@ enum { FUZZ_BUDGET = 64 << 20 };
 static inline void fuzz_expect_mesh(const bw_tet_mesh *m) {
     FUZZ_EXPECT(m->tet_count > 0 && m->position && m->tet && m->parameter);
     for (size_t i = 0; i < 3 * m->vertex_count; i++) FUZZ_EXPECT(isfinite(m->position[i / 3][i % 3]));
-    for (size_t i = 0; i < 12 * m->tet_count; i++) FUZZ_EXPECT(isfinite(m->parameter[i / 12][i % 12 / 3][i % 3]));
+    for (size_t i = 0; i < 12 * m->tet_count; i++)
+        FUZZ_EXPECT(isfinite(m->parameter[i / 12][i % 12 / 3][i % 3]));
     for (size_t i = 0; i < 4 * m->tet_count; i++) FUZZ_EXPECT((size_t)m->tet[i / 4][i % 4] < m->vertex_count);
-    for (size_t i = 0; i < m->feature_vertex_count; i++) FUZZ_EXPECT((size_t)m->feature_vertex[i] < m->vertex_count);
-    for (size_t i = 0; i < 2 * m->feature_edge_count; i++) FUZZ_EXPECT((size_t)m->feature_edge[i / 2][i % 2] < m->vertex_count);
-    for (size_t i = 0; i < 3 * m->feature_facet_count; i++) FUZZ_EXPECT((size_t)m->feature_facet[i / 3][i % 3] < m->vertex_count);
+    for (size_t i = 0; i < m->feature_vertex_count; i++)
+        FUZZ_EXPECT((size_t)m->feature_vertex[i] < m->vertex_count);
+    for (size_t i = 0; i < 2 * m->feature_edge_count; i++)
+        FUZZ_EXPECT((size_t)m->feature_edge[i / 2][i % 2] < m->vertex_count);
+    for (size_t i = 0; i < 3 * m->feature_facet_count; i++)
+        FUZZ_EXPECT((size_t)m->feature_facet[i / 3][i % 3] < m->vertex_count);
     FUZZ_EXPECT(!m->wall_count && !m->facet);
 }
 
@@ -36,8 +40,10 @@ static inline int fuzz_input(fuzz_reader *read, const uint8_t *data, size_t size
     FUZZ_EXPECT(status != BW_E_INTERNAL && status != BW_E_IO && status != BW_E_MEMORY);
     FUZZ_EXPECT(ctx.memory.peak < (1 << 20) + growth * size); /* declared counts alone take nothing */
     for (const char *c = ctx.error.message; *c; c++) FUZZ_EXPECT(*c >= ' ' && *c <= '~');
-    if (status == BW_OK) fuzz_expect_mesh(&mesh);
-    else FUZZ_EXPECT(!mesh.position && !mesh.tet && !mesh.parameter && !mesh.vertex_count);
+    if (status == BW_OK)
+        fuzz_expect_mesh(&mesh);
+    else
+        FUZZ_EXPECT(!mesh.position && !mesh.tet && !mesh.parameter && !mesh.vertex_count);
     bw_tet_mesh_clear(&ctx, &mesh);
     FUZZ_EXPECT(ctx.memory.used == 0);
     return 0;

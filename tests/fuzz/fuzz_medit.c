@@ -1,5 +1,5 @@
-/* The Medit reader on arbitrary bytes: the mesh, then, after the byte 0xff that neither has in text, its side file. Without that byte the mesh stands for
- * both; in binary meshes the last such byte parts them. */
+/* The Medit reader on arbitrary bytes: the mesh, then, after the byte 0xff that neither has in text, its side
+ * file. Without that byte the mesh stands for both; in binary meshes the last such byte parts them. */
 #include "fuzz_input.h"
 
 #include "format/medit.h"
@@ -11,4 +11,6 @@ static bw_status read_medit(bw_context *ctx, const uint8_t *data, size_t size, b
     return bw_medit_read_memory(ctx, data, first, part + 1, size - first - 1, mesh);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) { return fuzz_input(read_medit, data, size, 24); }
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    return fuzz_input(read_medit, data, size, 24);
+}

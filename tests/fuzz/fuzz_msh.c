@@ -7,4 +7,6 @@ static bw_status read_msh(bw_context *ctx, const uint8_t *data, size_t size, bw_
     return bw_msh_read_memory(ctx, data, size, mesh);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) { return fuzz_input(read_msh, data, size, 40); }
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    return fuzz_input(read_msh, data, size, 40);
+}

@@ -7,4 +7,6 @@ static bw_status read_vtk(bw_context *ctx, const uint8_t *data, size_t size, bw_
     return bw_vtk_read_memory(ctx, data, size, mesh);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) { return fuzz_input(read_vtk, data, size, 24); }
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    return fuzz_input(read_vtk, data, size, 24);
+}

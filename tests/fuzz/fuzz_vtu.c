@@ -7,4 +7,6 @@ static bw_status read_vtu(bw_context *ctx, const uint8_t *data, size_t size, bw_
     return bw_vtu_read_memory(ctx, data, size, mesh);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) { return fuzz_input(read_vtu, data, size, 4096); /* deflated: 1032 : 1 */ }
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    return fuzz_input(read_vtu, data, size, 4096); /* deflated: 1032 : 1 */
+}
