@@ -10,34 +10,37 @@ const int8_t bw_rotation_sign[BW_ROTATIONS][3] = {
     {1, 1, 1},  {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1},  {-1, 1, 1}, {1, -1, 1},  {1, 1, -1},  {-1, -1, -1},
     {-1, 1, 1}, {1, -1, 1},  {1, 1, -1},  {-1, -1, -1}, {-1, 1, 1}, {1, -1, 1},  {1, 1, -1},  {-1, -1, -1}};
 
-static bw_rotation find(const int8_t axis[3], const int8_t sign[3]) {
-    for (bw_rotation r = 0; r < BW_ROTATIONS; r++) {
-        bool same = true;
-        for (int i = 0; i < 3; i++)
-            same = same && bw_rotation_axis[r][i] == axis[i] && bw_rotation_sign[r][i] == sign[i];
-        if (same) return r;
-    }
-    __builtin_unreachable(); /* the 24 rotations are closed under composition and inversion */
-}
-
-bw_rotation bw_rotation_compose(bw_rotation after, bw_rotation before) {
-    int8_t axis[3], sign[3];
-    for (int i = 0; i < 3; i++) {
-        int j = bw_rotation_axis[after][i];
-        axis[i] = bw_rotation_axis[before][j];
-        sign[i] = (int8_t)(bw_rotation_sign[after][i] * bw_rotation_sign[before][j]);
-    }
-    return find(axis, sign);
-}
-
-bw_rotation bw_rotation_inverse(bw_rotation r) {
-    int8_t axis[3] = {0, 0, 0}, sign[3] = {0, 0, 0};
-    for (int i = 0; i < 3; i++) {
-        axis[bw_rotation_axis[r][i]] = (int8_t)i;
-        sign[bw_rotation_axis[r][i]] = bw_rotation_sign[r][i];
-    }
-    return find(axis, sign);
-}
+/* What follows is derived from these two tables; tests/core/test_exact.c derives it again. */
+const int8_t bw_rotation_image[BW_ROTATIONS][3] = {
+    {0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {0, 1, 2}, {2, 0, 1}, {2, 0, 1}, {2, 0, 1}, {2, 0, 1},
+    {1, 2, 0}, {1, 2, 0}, {1, 2, 0}, {1, 2, 0}, {0, 2, 1}, {0, 2, 1}, {0, 2, 1}, {0, 2, 1},
+    {2, 1, 0}, {2, 1, 0}, {2, 1, 0}, {2, 1, 0}, {1, 0, 2}, {1, 0, 2}, {1, 0, 2}, {1, 0, 2}};
+const bw_rotation bw_rotation_inverse_of[BW_ROTATIONS] = {0, 1, 2, 3, 8, 10, 11, 9, 4, 7, 5, 6, 12, 14, 13, 15, 18, 17, 16, 19, 21, 20, 22, 23};
+const bw_rotation bw_rotation_product[BW_ROTATIONS][BW_ROTATIONS] = {
+    {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23},
+    {1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 15, 14, 13, 12, 19, 18, 17, 16, 23, 22, 21, 20},
+    {2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13, 18, 19, 16, 17, 22, 23, 20, 21},
+    {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 13, 12, 15, 14, 17, 16, 19, 18, 21, 20, 23, 22},
+    {4, 7, 5, 6, 8, 11, 9, 10, 0, 3, 1, 2, 18, 16, 17, 19, 22, 20, 21, 23, 14, 12, 13, 15},
+    {5, 6, 4, 7, 9, 10, 8, 11, 1, 2, 0, 3, 17, 19, 18, 16, 21, 23, 22, 20, 13, 15, 14, 12},
+    {6, 5, 7, 4, 10, 9, 11, 8, 2, 1, 3, 0, 16, 18, 19, 17, 20, 22, 23, 21, 12, 14, 15, 13},
+    {7, 4, 6, 5, 11, 8, 10, 9, 3, 0, 2, 1, 19, 17, 16, 18, 23, 21, 20, 22, 15, 13, 12, 14},
+    {8, 10, 11, 9, 0, 2, 3, 1, 4, 6, 7, 5, 21, 22, 20, 23, 13, 14, 12, 15, 17, 18, 16, 19},
+    {9, 11, 10, 8, 1, 3, 2, 0, 5, 7, 6, 4, 22, 21, 23, 20, 14, 13, 15, 12, 18, 17, 19, 16},
+    {10, 8, 9, 11, 2, 0, 1, 3, 6, 4, 5, 7, 23, 20, 22, 21, 15, 12, 14, 13, 19, 16, 18, 17},
+    {11, 9, 8, 10, 3, 1, 0, 2, 7, 5, 4, 6, 20, 23, 21, 22, 12, 15, 13, 14, 16, 19, 17, 18},
+    {12, 15, 13, 14, 20, 23, 21, 22, 16, 19, 17, 18, 0, 2, 3, 1, 8, 10, 11, 9, 4, 6, 7, 5},
+    {13, 14, 12, 15, 21, 22, 20, 23, 17, 18, 16, 19, 3, 1, 0, 2, 11, 9, 8, 10, 7, 5, 4, 6},
+    {14, 13, 15, 12, 22, 21, 23, 20, 18, 17, 19, 16, 2, 0, 1, 3, 10, 8, 9, 11, 6, 4, 5, 7},
+    {15, 12, 14, 13, 23, 20, 22, 21, 19, 16, 18, 17, 1, 3, 2, 0, 9, 11, 10, 8, 5, 7, 6, 4},
+    {16, 17, 18, 19, 12, 13, 14, 15, 20, 21, 22, 23, 6, 7, 4, 5, 2, 3, 0, 1, 10, 11, 8, 9},
+    {17, 16, 19, 18, 13, 12, 15, 14, 21, 20, 23, 22, 5, 4, 7, 6, 1, 0, 3, 2, 9, 8, 11, 10},
+    {18, 19, 16, 17, 14, 15, 12, 13, 22, 23, 20, 21, 4, 5, 6, 7, 0, 1, 2, 3, 8, 9, 10, 11},
+    {19, 18, 17, 16, 15, 14, 13, 12, 23, 22, 21, 20, 7, 6, 5, 4, 3, 2, 1, 0, 11, 10, 9, 8},
+    {20, 22, 23, 21, 16, 18, 19, 17, 12, 14, 15, 13, 11, 8, 10, 9, 7, 4, 6, 5, 3, 0, 2, 1},
+    {21, 23, 22, 20, 17, 19, 18, 16, 13, 15, 14, 12, 8, 11, 9, 10, 4, 7, 5, 6, 0, 3, 1, 2},
+    {22, 20, 21, 23, 18, 16, 17, 19, 14, 12, 13, 15, 9, 10, 8, 11, 5, 6, 4, 7, 1, 2, 0, 3},
+    {23, 21, 20, 22, 19, 17, 16, 18, 15, 13, 12, 14, 10, 9, 11, 8, 6, 5, 7, 4, 2, 1, 3, 0}};
 
 int bw_rotation_fixed_axis(bw_rotation r) {
     if (r == 0) return -1;
@@ -48,26 +51,6 @@ int bw_rotation_fixed_axis(bw_rotation r) {
 
 int bw_rotation_kind(bw_rotation r) { return r == 0 ? 0 : bw_rotation_fixed_axis(r) >= 0 ? 1 : 2; }
 
-bw_transition bw_transition_compose(const bw_transition *after, const bw_transition *before) {
-    bw_transition t = {.rotation = bw_rotation_compose(after->rotation, before->rotation)};
-    bw_transition_apply(after, before->shift, t.shift);
-    return t;
-}
-
-bw_transition bw_transition_inverse(const bw_transition *t) {
-    bw_transition i = {.rotation = bw_rotation_inverse(t->rotation)};
-    bw_rotate(i.rotation, t->shift, i.shift);
-    for (int k = 0; k < 3; k++) i.shift[k] = -i.shift[k];
-    return i;
-}
-
 bool bw_transition_is_identity(const bw_transition *t) {
     return t->rotation == 0 && !t->shift[0] && !t->shift[1] && !t->shift[2];
-}
-
-bw_plane bw_transition_plane(const bw_transition *t, bw_plane plane) {
-    for (int i = 0; i < 3; i++)
-        if (bw_rotation_axis[t->rotation][i] == plane.axis)
-            return (bw_plane){bw_rotation_sign[t->rotation][i] * plane.value + t->shift[i], (int8_t)i};
-    __builtin_unreachable(); /* every axis is the image of one axis */
 }
