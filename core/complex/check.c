@@ -10,7 +10,6 @@
  *  volume    the volumes of all boxes add up to that of the map. The chart of a block is a local homeomorphism onto its box that takes
  *            boundary to boundary, hence a covering of one or more sheets; equal sums mean one sheet each.
  */
-#include <gmp.h>
 #include <string.h>
 
 #include "complex/complex.h"
@@ -119,27 +118,39 @@ static bw_status check_charts(const checker *k) {
     return BW_OK;
 }
 
+/* Whether a vertex lies in the box of the block of `cell`, one of its cells. */
+static bool is_inside(const checker *k, bw_cell cell, bw_cvertex vertex) {
+    const bw_transition *chart = &k->x->cell_chart[cell];
+    const int64_t *extent = k->x->block_extent[k->x->cell_block[cell]];
+    int64_t at[3];
+    unsigned fractions = bw_cells_locate(k->cells, vertex, k->cells->cell[cell].tet, at);
+    for (int i = 0; i < 3; i++) {
+        int axis = bw_rotation_axis[chart->rotation][i];
+        int64_t fraction = fractions >> axis & 1; /* the coordinate lies in low..low + fraction */
+        int64_t low = chart->shift[i] + (bw_rotation_sign[chart->rotation][i] > 0 ? at[axis] : -at[axis] - fraction);
+        if (low < 0 || low + fraction > extent[i]) return false;
+    }
+    return true;
+}
+
 /* Every vertex of every cell lies in its block's box. */
 static bw_status check_inside(const checker *k) {
     const bw_cells *c = k->cells;
-    const bw_complex *x = k->x;
-    for (size_t cell = 0; cell < c->cell_count; cell++) {
-        bw_transition back = bw_transition_inverse(&x->cell_chart[cell]);
-        const int64_t *extent = x->block_extent[x->cell_block[cell]];
-        for (int s = 0; s < 6; s++) {
-            bw_plane side = {s & 1 ? extent[s >> 1] : 0, (int8_t)(s >> 1)}, local = bw_transition_plane(&back, side);
-            int inward = (s & 1 ? -1 : 1) * bw_rotation_sign[back.rotation][local.axis];
-            for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell)) {
-                bw_half h = c->polygon[p].half;
-                do {
-                    if (inward * bw_cells_side(c, c->half[h].origin, c->cell[cell].tet, local) < 0)
-                        return VIOLATED(k, "cell %zu leaves the box of block %d", cell, x->cell_block[cell]);
-                    h = c->half[h].next;
-                } while (h != c->polygon[p].half);
-            }
+    bw_cell *seen = bw_alloc(k->ctx, c->vertex_count, sizeof *seen); /* [vertex]: 1 + the last cell it was located in */
+    bw_status status = k->ctx->error.status;
+    for (bw_cell cell = 0; (size_t)cell < c->cell_count && status == BW_OK; cell++)
+        for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+            bw_half h = c->polygon[p].half;
+            do {
+                bw_cvertex v = c->half[h].origin;
+                h = c->half[h].next;
+                if (seen[v] == cell + 1) continue;
+                seen[v] = cell + 1;
+                if (!is_inside(k, cell, v)) status = VIOLATED(k, "cell %d leaves the box of block %d", cell, k->x->cell_block[cell]);
+            } while (h != c->polygon[p].half && status == BW_OK);
         }
-    }
-    return BW_OK;
+    bw_free(k->ctx, seen);
+    return status;
 }
 
 static bw_status check_singular(const checker *k) {
@@ -194,32 +205,38 @@ static bw_status check_topology(const checker *k) {
                            : VIOLATED(k, "its Euler characteristic is %lld, that of the mesh %lld", (long long)complex, (long long)mesh);
 }
 
-static void mpz_addmul3(mpz_t sum, int64_t a, int64_t b, int64_t c, mpz_t scratch) {
-    mpz_set_si(scratch, (long)a);
-    mpz_mul_si(scratch, scratch, (long)b);
-    mpz_mul_si(scratch, scratch, (long)c);
-    mpz_add(sum, sum, scratch);
+/* An exact sum of products a * b * c of differences of grid values: |a b| < 2^98, so that 2^28 summands fit. */
+typedef struct {
+    __int128 high, low; /* high * 2^48 + low */
+} volume;
+
+static void add_product(volume *sum, __int128 ab, int64_t c) {
+    sum->high += (ab >> 48) * c;
+    sum->low += (ab & (((__int128)1 << 48) - 1)) * c;
+}
+
+/* Whether two sums are equal. */
+static bool same_volume(const volume *a, const volume *b) {
+    __int128 low = a->low - b->low, high = b->high - a->high;
+    return (low & (((__int128)1 << 48) - 1)) == 0 && low >> 48 == high;
 }
 
 static bw_status check_volume(const checker *k) {
-    static const int even[3][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}};
-    mpz_t boxes, tets, scratch;
-    mpz_inits(boxes, tets, scratch, NULL);
-    for (size_t b = 0; b < k->x->block_count; b++)
-        mpz_addmul3(boxes, k->x->block_extent[b][0], k->x->block_extent[b][1], k->x->block_extent[b][2], scratch);
+    volume boxes = {0, 0}, tets = {0, 0};
+    for (size_t b = 0; b < k->x->block_count; b++) {
+        const int64_t *extent = k->x->block_extent[b];
+        add_product(&boxes, (__int128)6 * extent[0] * extent[1], extent[2]);
+    }
     for (size_t t = 0; t < k->cells->mesh->tet_count; t++) {
         int64_t d[3][3];
         for (int i = 0; i < 9; i++)
             d[i / 3][i % 3] = k->cells->map->value[t][i / 3 + 1][i % 3] - k->cells->map->value[t][0][i % 3];
         for (int i = 0; i < 3; i++) {
-            mpz_addmul3(tets, d[0][even[i][0]], d[1][even[i][1]], d[2][even[i][2]], scratch);
-            mpz_addmul3(tets, -d[0][even[i][0]], d[1][even[i][2]], d[2][even[i][1]], scratch);
+            int j = (i + 1) % 3, l = (i + 2) % 3;
+            add_product(&tets, (__int128)d[1][j] * d[2][l] - (__int128)d[1][l] * d[2][j], d[0][i]);
         }
     }
-    mpz_mul_ui(boxes, boxes, 6);
-    bool same = mpz_cmp(boxes, tets) == 0;
-    mpz_clears(boxes, tets, scratch, NULL);
-    return same ? BW_OK : VIOLATED(k, "the volumes of its blocks do not add up to the map's");
+    return same_volume(&boxes, &tets) ? BW_OK : VIOLATED(k, "the volumes of its blocks do not add up to the map's");
 }
 
 bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_complex *complex) {

@@ -141,6 +141,8 @@ int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet);
 
 /* Floor of coordinate `axis` of a vertex in the chart of `tet`; *fraction is set if the coordinate is larger. */
 int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int axis, bool *fraction);
+/* Floors of all three coordinates of a vertex in the chart of `tet`; bit k of the result is set if coordinate k is larger. */
+unsigned bw_cells_locate(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int64_t out[3]);
 /* Sign of (coordinate of a - coordinate of b) along an axis of the chart of `tet`. Exact. */
 int bw_cells_compare_along(const bw_cells *cells, bw_cvertex a, bw_cvertex b, bw_tet tet, int axis);
 /* Exact coordinates of a vertex in the chart of `tet`, in grid units, canonical rationals; out is initialised by the caller. */

@@ -185,10 +185,17 @@ bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e) {
     return x->kind == BW_IN_FACET && cells->mesh->facet_tet[x->carrier][1] == BW_NONE;
 }
 
-static int64_t floor_div128(i128 a, i128 b, bool *fraction) {
-    i128 q = a / b, r = a % b;
-    *fraction = r != 0;
-    return (int64_t)(r < 0 ? q - 1 : q);
+/* p + floor(s (q - p)) for the ratio s = exact[0] / exact[1] of a vertex in a tet edge. The quotient is guessed in floating point, to one
+ * or two, and put right by its exact remainder. */
+static int64_t floor_between(const bw_cell_vertex *v, int64_t p, int64_t q, bool *fraction) {
+    *fraction = false;
+    if (p == q) return p;
+    int64_t whole = (int64_t)((double)v->exact[0] / (double)v->exact[1] * (double)(q - p));
+    i128 rest = (i128)v->exact[0] * (q - p) - (i128)whole * v->exact[1];
+    for (; rest < 0; rest += v->exact[1]) whole--;
+    for (; rest >= v->exact[1]; rest -= v->exact[1]) whole++;
+    *fraction = rest != 0;
+    return p + whole;
 }
 
 int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int axis, bool *fraction) {
@@ -198,7 +205,7 @@ int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int
     if (v->kind == BW_IN_EDGE) {
         int64_t p = value_at(cells, tet, cells->mesh->edge[v->carrier][0])[axis];
         int64_t q = value_at(cells, tet, cells->mesh->edge[v->carrier][1])[axis];
-        return p + floor_div128((i128)v->exact[0] * (q - p), v->exact[1], fraction);
+        return floor_between(v, p, q, fraction);
     }
     if (v->kind == BW_IN_TET || tet == home_of(cells, v->carrier)) {
         *fraction = v->fraction >> axis & 1;
@@ -209,6 +216,34 @@ int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int
     *fraction = v->fraction >> from & 1;
     if (bw_rotation_sign[out->rotation][axis] > 0) return v->exact[from] + out->shift[axis];
     return -v->exact[from] - *fraction + out->shift[axis];
+}
+
+unsigned bw_cells_locate(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int64_t out[3]) {
+    const bw_cell_vertex *v = &cells->vertex[vertex];
+    if (v->kind == BW_IN_VERTEX) {
+        memcpy(out, value_at(cells, tet, v->carrier), 3 * sizeof *out);
+        return 0;
+    }
+    if (v->kind == BW_IN_TET || (v->kind == BW_IN_FACET && tet == home_of(cells, v->carrier))) {
+        memcpy(out, v->exact, 3 * sizeof *out);
+        return v->fraction;
+    }
+    unsigned fractions = 0;
+    bool fraction;
+    if (v->kind == BW_IN_EDGE) {
+        const int64_t *p = value_at(cells, tet, cells->mesh->edge[v->carrier][0]);
+        const int64_t *q = value_at(cells, tet, cells->mesh->edge[v->carrier][1]);
+        for (int k = 0; k < 3; k++) {
+            out[k] = floor_between(v, p[k], q[k], &fraction);
+            fractions |= (unsigned)fraction << k;
+        }
+        return fractions;
+    }
+    for (int k = 0; k < 3; k++) {
+        out[k] = bw_cells_floor(cells, vertex, tet, k, &fraction);
+        fractions |= (unsigned)fraction << k;
+    }
+    return fractions;
 }
 
 static void facet_parameter(const bw_cells *cells, const bw_cell_vertex *v, bw_tet tet, mpq_t out[3]) {
