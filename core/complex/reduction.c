@@ -11,7 +11,6 @@ typedef struct {
 
 typedef struct {
     bw_patch parent, next; /* next: ring of the patches of the union */
-    uint8_t flip;          /* slots are swapped with respect to the parent */
     uint8_t flags;         /* BW_PATCH_*, and GONE, QUEUED */
     int64_t distance;
     int64_t low[3], high[3]; /* rectangle, in the chart of patch_block[0] of the root */
@@ -31,12 +30,16 @@ struct bw_reduction {
     int32_t *next_side;      /* [2 * patch + slot] ring of a block */
     int32_t *next_side_start;
     bw_transition *across;   /* [patch]: chart of patch_block[1] to that of patch_block[0] */
-    int32_t *walls, *walls_start; /* [arc] */
+    int32_t *walls, *walls_start; /* [arc]; 0 or less once the arc has vanished */
     size_t *rim_begin;       /* [arc + 1]: the patches around it, once per appearance */
     bw_patch *rim;
     struct queued *heap;
     size_t heap_count;
+    bw_patch *first;         /* the patches that are removable at the start, under rules like `first_rules` */
+    size_t first_count;
+    bw_reduction_rules first_rules;
     const bw_reduction_rules *rules;
+    uint8_t stays;           /* patches with one of these flags are not removable under the rules */
     size_t blocks;
 };
 
@@ -45,7 +48,7 @@ struct bw_reduction {
 void bw_reduction_free(bw_context *ctx, bw_reduction *r) {
     if (!r) return;
     void *blocks[] = {r->block, r->block_start, r->patch, r->patch_start, r->next_side, r->next_side_start, r->across,
-                      r->walls, r->walls_start, r->rim_begin, r->rim, r->heap, r};
+                      r->walls, r->walls_start, r->rim_begin, r->rim, r->heap, r->first, r};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
 }
 
@@ -64,6 +67,7 @@ static bw_status allocate(bw_context *ctx, bw_reduction *r) {
     r->rim_begin = bw_alloc(ctx, x->arc_count + 2, sizeof *r->rim_begin);
     r->rim = bw_alloc(ctx, uses, sizeof *r->rim);
     r->heap = bw_alloc(ctx, 2 * x->patch_count + 1, sizeof *r->heap);
+    r->first = bw_alloc(ctx, x->patch_count, sizeof *r->first);
     return ctx->error.status;
 }
 
@@ -136,27 +140,22 @@ bw_status bw_reduction_new(bw_context *ctx, const bw_cells *cells, const bw_comp
 
 /* ---- sets ---------------------------------------------------------------------------------------------------------- */
 
-/* Root of a block; afterwards block[b].chart leads straight to the root's chart (of a root: the identity). */
-static bw_block find_block(bw_reduction *r, bw_block b) {
+static bw_block compress_block(bw_reduction *r, bw_block b) {
     bw_block parent = r->block[b].parent;
-    if (parent == b) return b;
-    bw_block root = find_block(r, parent);
-    if (parent != root) {
-        r->block[b].chart = bw_transition_compose(&r->block[parent].chart, &r->block[b].chart);
-        r->block[b].parent = root;
-    }
-    return root;
+    if (r->block[parent].parent == parent) return parent;
+    bw_block root = compress_block(r, parent);
+    r->block[b].chart = bw_transition_compose(&r->block[parent].chart, &r->block[b].chart);
+    return r->block[b].parent = root;
 }
 
-static bw_patch find_patch(bw_reduction *r, bw_patch p) {
-    bw_patch parent = r->patch[p].parent;
-    if (parent == p) return p;
-    bw_patch root = find_patch(r, parent);
-    if (parent != root) {
-        r->patch[p].flip ^= r->patch[parent].flip;
-        r->patch[p].parent = root;
-    }
-    return root;
+/* Root of a block; afterwards block[b].chart leads straight to the root's chart (of a root: the identity). */
+static inline bw_block find_block(bw_reduction *r, bw_block b) {
+    return r->block[b].parent == b ? b : compress_block(r, b);
+}
+
+static inline bw_patch find_patch(bw_reduction *r, bw_patch p) {
+    for (bw_patch parent; (parent = r->patch[p].parent) != p; p = parent) r->patch[p].parent = r->patch[parent].parent;
+    return p;
 }
 
 /* The block behind one side of a patch, and the side of its box in which the patch lies. */
@@ -207,11 +206,11 @@ static bool touch_elsewhere(bw_reduction *r, bw_patch p, bw_block a, bw_block b)
 
 static bool removable(bw_reduction *r, bw_patch p) {
     const patch_set *s = &r->patch[p];
-    if (s->flags & (GONE | BW_PATCH_BOUNDARY | BW_PATCH_FEATURE)) return false;
-    if (r->rules->mode == BW_REDUCE_KEEP_SINGULAR && s->flags & BW_PATCH_SINGULAR) return false;
+    if (s->flags & r->stays) return false;
     touch t[2] = {touching(r, p, 0), touching(r, p, 1)};
     if (t[0].block == t[1].block) return false;
-    if (patch_area(r, p) != side_area(r, t[0]) || patch_area(r, p) != side_area(r, t[1])) return false;
+    __int128 area = patch_area(r, p);
+    if (area != side_area(r, t[0]) || area != side_area(r, t[1])) return false;
     return !r->rules->split_self_adjacent || !touch_elsewhere(r, p, t[0].block, t[1].block);
 }
 
@@ -221,13 +220,16 @@ static int64_t key_of(const bw_reduction *r, bw_patch p) { return r->rules->key 
 
 static bool before(struct queued a, struct queued b) { return a.key != b.key ? a.key > b.key : a.patch < b.patch; }
 
-static void push(bw_reduction *r, bw_patch p) {
-    if (r->patch[p].flags & QUEUED || !removable(r, p)) return;
+static void enqueue(bw_reduction *r, bw_patch p) {
     r->patch[p].flags |= QUEUED;
     struct queued x = {key_of(r, p), p};
     size_t i = r->heap_count++;
     for (; i > 0 && before(x, r->heap[(i - 1) / 2]); i = (i - 1) / 2) r->heap[i] = r->heap[(i - 1) / 2];
     r->heap[i] = x;
+}
+
+static void push(bw_reduction *r, bw_patch p) {
+    if (!(r->patch[p].flags & (QUEUED | r->stays)) && removable(r, p)) enqueue(r, p);
 }
 
 static struct queued pop(bw_reduction *r) {
@@ -352,19 +354,26 @@ static bool flat_arc(bw_reduction *r, bw_arc a, bw_patch left[2]) {
     return n == 2;
 }
 
-/* An arc that lost a wall: if two are left and pass it flat, it vanishes. A patch that grew may now match its neighbours across arcs that
- * had to stay before. */
-static void retest_arc(bw_reduction *r, bw_arc a) {
+/* Makes an arc that two walls pass flat vanish, if the patches beside it have become one or can. The root of both if that was
+ * just done, else BW_NONE. */
+static bw_patch dissolve_arc(bw_reduction *r, bw_arc a) {
     bw_patch left[2];
-    if (!flat_arc(r, a, left) || !merge_patches(r, left[0], left[1])) return;
-    for (bool merged = true; merged;) {
-        merged = false;
-        bw_patch root = find_patch(r, left[0]), p = root;
+    if (!flat_arc(r, a, left)) return BW_NONE;
+    bool merged = left[0] != left[1] && merge_patches(r, left[0], left[1]);
+    if (merged || left[0] == left[1]) r->walls[a] = 0;
+    return merged ? find_patch(r, left[0]) : BW_NONE;
+}
+
+/* An arc that lost a wall. A patch that grew may now match its neighbours across arcs that had to stay before. */
+static void retest_arc(bw_reduction *r, bw_arc a) {
+    for (bw_patch root = dissolve_arc(r, a), grown; root != BW_NONE; root = grown) {
+        bw_patch p = root;
+        grown = BW_NONE;
         do {
-            for (size_t i = r->x->patch_chain_begin[4 * p]; i < r->x->patch_chain_begin[4 * p + 4] && !merged; i++)
-                merged = flat_arc(r, r->x->patch_chain[i] >> 1, left) && merge_patches(r, left[0], left[1]);
+            for (size_t i = r->x->patch_chain_begin[4 * p]; i < r->x->patch_chain_begin[4 * p + 4] && grown == BW_NONE; i++)
+                grown = dissolve_arc(r, r->x->patch_chain[i] >> 1);
             p = r->patch[p].next;
-        } while (p != root && !merged);
+        } while (p != root && grown == BW_NONE);
     }
 }
 
@@ -382,10 +391,17 @@ static void remove_patch(bw_reduction *r, bw_patch root) {
         p = r->patch[p].next;
     } while (p != root);
     int32_t first = r->block[find_block(r, x->patch_block[root][0])].first_side, s = first;
-    do { /* the union's patches, and those that became one */
-        push(r, find_patch(r, s >> 1));
+    do { /* the union's patches; of those that became one its root, which lies in the same side of the same blocks */
+        if (r->patch[s >> 1].parent == s >> 1) push(r, s >> 1);
         s = r->next_side[s];
     } while (s != first);
+}
+
+static void list_first(bw_reduction *r) {
+    r->first_count = 0;
+    for (bw_patch p = 0; p < (bw_patch)r->x->patch_count; p++)
+        if (removable(r, p)) r->first[r->first_count++] = p;
+    r->first_rules = *r->rules;
 }
 
 bw_status bw_reduction_run(bw_context *ctx, bw_reduction *r, const bw_reduction_rules *rules, uint8_t *removed, uint8_t *kept,
@@ -396,9 +412,11 @@ bw_status bw_reduction_run(bw_context *ctx, bw_reduction *r, const bw_reduction_
     memcpy(r->next_side, r->next_side_start, 2 * x->patch_count * sizeof *r->next_side);
     memcpy(r->walls, r->walls_start, x->arc_count * sizeof *r->walls);
     r->rules = rules;
+    r->stays = GONE | BW_PATCH_BOUNDARY | BW_PATCH_FEATURE | (rules->mode == BW_REDUCE_KEEP_SINGULAR ? BW_PATCH_SINGULAR : 0);
     r->heap_count = 0;
     r->blocks = x->block_count;
-    for (size_t p = 0; p < x->patch_count && rules->mode != BW_REDUCE_NONE; p++) push(r, (bw_patch)p);
+    if (rules->mode != r->first_rules.mode || rules->split_self_adjacent != r->first_rules.split_self_adjacent) list_first(r);
+    for (size_t i = 0; i < r->first_count && rules->mode != BW_REDUCE_NONE; i++) enqueue(r, r->first[i]);
     while (r->heap_count) {
         struct queued top = pop(r);
         if (r->patch[top.patch].parent != top.patch) continue;
