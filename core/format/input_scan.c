@@ -180,6 +180,7 @@ bw_status bw_scan_record(bw_scan *s, const char *kind, int64_t record) {
     s->kind = kind;
     s->record = record;
     if (record % POLL_EVERY) return BW_OK;
-    if (s->end > s->data) bw_progress(s->ctx, (double)(s->at - s->data) / (double)(s->end - s->data));
+    if (s->end > s->data && !s->part)
+        bw_progress(s->ctx, (double)(s->at - s->data) / (double)(s->end - s->data));
     return bw_poll(s->ctx);
 }

@@ -22,6 +22,7 @@ typedef struct {
     uint64_t line;    /* of `at`, from 1 */
     bool binary;      /* places are told in bytes, not lines */
     char comment;     /* words end and lines are cut at this character; 0: there are no comments */
+    bool part;        /* over a part of the input: tells no progress, so that it never goes back */
     const char *kind; /* of the record being read, "tet"; NULL outside of lists */
     int64_t record;
     uint64_t base; /* offset of `data` in the input */

@@ -410,6 +410,7 @@ static bw_status read_view(reader *r) {
     if (status == BW_OK) status = bw_scan_count(&r->scan, "components", components, 1 << 16, 0);
     if (status != BW_OK) return status;
     v.scan = r->scan;
+    v.scan.part = true;
     if (components == 3) {
         if ((status = bw_reserve(r->ctx, &r->view, &r->view_room, r->view_count + 1)) != BW_OK) return status;
         r->view[r->view_count++] = v;

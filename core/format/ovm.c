@@ -249,6 +249,7 @@ static bw_status read_property(reader *r, owner of) {
         if (status != BW_OK) return status;
         property *p = &r->parameters[r->property_count++];
         p->scan = *s;
+        p->scan.part = true;
         snprintf(p->name, sizeof p->name, "%s",
                  strcasecmp(name, "HexHex::Parametrization") ? name : "parametrization");
     }
@@ -258,6 +259,7 @@ static bw_status read_property(reader *r, owner of) {
         if (r->has_feature[of]) return bw_scan_fail(s, BW_E_SYNTAX, "a second %s feature", titles[of]);
         r->has_feature[of] = true;
         r->feature[of] = *s;
+        r->feature[of].part = true;
     }
     uint64_t values = (uint64_t)numbers_of(type) * (of == OF_MESH ? 1 : r->count[of]);
     return numbers_of(type) ? pass_values(r, values) : pass_lines(r);

@@ -92,6 +92,7 @@ static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64
     (void)grid, (void)count;
     *owned = NULL;
     *scan = array->scan;
+    scan->part = true;
     return BW_OK;
 }
 

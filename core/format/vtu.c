@@ -289,6 +289,7 @@ static bw_status open_array(bw_vtk_grid *grid, const bw_vtk_array *array, uint64
     reader *r = (reader *)grid;
     *owned = NULL;
     *scan = array->scan;
+    scan->part = true;
     if (array->encoding == AS_TEXT) return BW_OK;
     bw_vtu_coding coding = {.base64 = array->encoding == AS_BASE64 || r->appended_base64,
                             .deflated = r->deflated,

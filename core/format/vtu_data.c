@@ -202,7 +202,7 @@ bw_status bw_vtu_decode(bw_scan *s, bw_vtu_coding coding, uint64_t size, bw_scan
     *owned = block;
     if (status != BW_OK) return status;
     *out = bw_scan_open(s->ctx, block ? (const char *)block : bytes, (size_t)size);
-    out->binary = true;
+    out->binary = out->part = true;
     if (!block) out->base = s->base + (uint64_t)(bytes - s->data);
     return BW_OK;
 }
