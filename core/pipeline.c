@@ -144,7 +144,7 @@ static const struct {
     int version;
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
-    [BW_STAGE_SANITIZE] = {"sanitize", 1, run_sanitize},
+    [BW_STAGE_SANITIZE] = {"sanitize", 2, run_sanitize},
     [BW_STAGE_TRACE] = {"trace", 2, run_trace},
     [BW_STAGE_BUILD] = {"build", 2, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 1, run_reduce},

@@ -29,6 +29,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     size_t k = 0;
     FIELD("position", s->mesh.position, n->vertex);
     FIELD("tet", s->mesh.tet, n->tet);
+    FIELD("tet.id", s->mesh.tet_id, n->tet);
     FIELD("tet.facet", s->mesh.tet_facet, n->tet);
     FIELD("tet.edge", s->mesh.tet_edge, n->tet);
     FIELD("facet", s->mesh.facet, n->facet);

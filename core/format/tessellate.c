@@ -310,7 +310,7 @@ bw_status bw_tessellation_cell(bw_context *ctx, bw_tessellation *t, bw_chart *ch
             tet[0] = t->apex[cell], tet[1] = v[0], tet[2] = v[side > 0 ? 1 : 2], tet[3] = v[side > 0 ? 2 : 1];
             for (int k = 0; k < 4; k++) slot[k] = chart->slot[tet[k]];
             if (bw_chart_sign(chart, slot) > 0) continue;
-            bw_fail_element(ctx, "tet", chart->tet, NULL);
+            bw_fail_element(ctx, "tet", t->cells->mesh->tet_id[chart->tet], NULL);
             return bw_fail(ctx, BW_E_CHECK, "cell %d was cut into a tet that is not positive", (int)cell);
         }
     }

@@ -234,7 +234,7 @@ static bw_status put_cells(writer *w, int32_t *mark) {
     bw_vtm_array(&w->file);
     for (size_t c = 0; c < count; c++) bw_vtm_int32(&w->file, w->complex->cell_block[c]);
     bw_vtm_array(&w->file);
-    for (size_t c = 0; c < count; c++) bw_vtm_int32(&w->file, cells->cell[c].tet);
+    for (size_t c = 0; c < count; c++) bw_vtm_int32(&w->file, cells->mesh->tet_id[cells->cell[c].tet]);
     return BW_OK;
 }
 

@@ -33,8 +33,8 @@ static bw_status check_range(bw_context *ctx, const bw_tet_mesh *mesh, const bw_
         for (int i = 0; i < 12; i++) {
             int64_t x = map->value[t][i / 3][i % 3];
             if (x <= BW_GRID_MAX && x >= -BW_GRID_MAX) continue;
-            bw_fail_element(ctx, "tet", (int64_t)t, NULL);
-            return bw_fail(ctx, BW_E_RANGE, "a parameter of tet %zu is outside the exact grid", t);
+            bw_fail_element(ctx, "tet", mesh->tet_id[t], NULL);
+            return bw_fail(ctx, BW_E_RANGE, "a parameter of tet %d is outside the exact grid", mesh->tet_id[t]);
         }
     return BW_OK;
 }
@@ -45,7 +45,7 @@ static bw_status check_orientation(bw_context *ctx, const bw_tet_mesh *mesh, con
         if (bw_grid_tet_sign((const int64_t(*)[3])map->value[t]) > 0) continue;
         double centre[3];
         bw_tet_centre(mesh, (bw_tet)t, centre);
-        bw_fail_element(ctx, "tet", (int64_t)t, centre);
+        bw_fail_element(ctx, "tet", mesh->tet_id[t], centre);
         bad++;
     }
     return bad ? bw_fail(ctx, BW_E_INVERTED, "%zu tets are inverted or flat in the parametrization; the first is tet %lld", bad,

@@ -509,9 +509,9 @@ static bw_status place_fan(walker *w, bw_vertex v) {
         for (int k = 0; k < 3; k++) {
             w->value[it.tet][it.corner][k] = own[k];
             if (llabs(own[k]) <= BW_GRID_MAX) continue;
-            bw_fail_element(w->ctx, "tet", it.tet, w->in->mesh->position[v]);
+            bw_fail_element(w->ctx, "tet", w->in->mesh->tet_id[it.tet], w->in->mesh->position[v]);
             return bw_fail(w->ctx, BW_E_RANGE, "a parameter of tet %d would leave the exact grid",
-                           (int)it.tet);
+                           w->in->mesh->tet_id[it.tet]);
         }
     }
     return BW_OK;

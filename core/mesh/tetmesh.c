@@ -74,7 +74,7 @@ static bw_status check_corners(bw_context *ctx, const bw_tet_mesh *mesh) {
             for (int j = i + 1; j < 4; j++) repeats = repeats || v[i] == v[j];
         if (!repeats) continue;
         bad++;
-        bw_fail_element(ctx, "tet", (int64_t)t, mesh->position[v[0]]);
+        bw_fail_element(ctx, "tet", mesh->tet_id[t], mesh->position[v[0]]);
     }
     return bad ? bw_fail(ctx, BW_E_DUPLICATE, "%zu tets repeat a vertex; the first is tet %lld", bad,
                          (long long)ctx->error.elements[0].id)
@@ -86,11 +86,12 @@ static bw_status check_facet(bw_context *ctx, const bw_tet_mesh *mesh, const inc
     for (size_t i = 0; i < count; i++)
         for (size_t j = i + 1; j < count; j++)
             if (mesh->tet[at[i].tet][at[i].local] == mesh->tet[at[j].tet][at[j].local]) {
-                bw_fail_element(ctx, "tet", at[i].tet, mesh->position[at[0].key[0]]);
-                bw_fail_element(ctx, "tet", at[j].tet, mesh->position[at[0].key[0]]);
-                return bw_fail(ctx, BW_E_DUPLICATE, "tets %d and %d have the same four vertices", at[i].tet, at[j].tet);
+                bw_fail_element(ctx, "tet", mesh->tet_id[at[i].tet], mesh->position[at[0].key[0]]);
+                bw_fail_element(ctx, "tet", mesh->tet_id[at[j].tet], mesh->position[at[0].key[0]]);
+                return bw_fail(ctx, BW_E_DUPLICATE, "tets %d and %d have the same four vertices", mesh->tet_id[at[i].tet],
+                               mesh->tet_id[at[j].tet]);
             }
-    for (size_t i = 0; i < count; i++) bw_fail_element(ctx, "tet", at[i].tet, mesh->position[at[0].key[0]]);
+    for (size_t i = 0; i < count; i++) bw_fail_element(ctx, "tet", mesh->tet_id[at[i].tet], mesh->position[at[0].key[0]]);
     return bw_fail(ctx, BW_E_NONMANIFOLD, "the facet with vertices %d %d %d is shared by %zu tets", at[0].key[0],
                    at[0].key[1], at[0].key[2], count);
 }
@@ -146,8 +147,54 @@ static bw_status number_edges(bw_context *ctx, bw_tet_mesh *mesh) {
     return status;
 }
 
+/* A tet on its way to its place: sorted vertices, and its number in the input. */
+typedef struct {
+    bw_vertex key[4];
+    bw_tet id;
+} placed;
+
+static int compare_placed(const void *a, const void *b) {
+    const placed *x = a, *y = b;
+    for (int i = 0; i < 4; i++)
+        if (x->key[i] != y->key[i]) return x->key[i] < y->key[i] ? -1 : 1;
+    return (x->id > y->id) - (x->id < y->id);
+}
+
+static void *permuted(bw_context *ctx, const void *items, size_t size, const placed *order, size_t count) {
+    char *out = bw_alloc(ctx, count, size);
+    for (size_t t = 0; t < count && out; t++) memcpy(out + t * size, (const char *)items + (size_t)order[t].id * size, size);
+    return out;
+}
+
+bw_status bw_tet_mesh_order(bw_context *ctx, bw_tet_mesh *mesh) {
+    size_t n = mesh->tet_count;
+    placed *order = bw_alloc(ctx, n, sizeof *order);
+    mesh->tet_id = bw_alloc(ctx, n, sizeof *mesh->tet_id);
+    bw_status status = ctx->error.status;
+    for (size_t t = 0; t < n && status == BW_OK; t++) {
+        memcpy(order[t].key, mesh->tet[t], sizeof order[t].key);
+        sort_key(order[t].key, 4);
+        order[t].id = (bw_tet)t;
+    }
+    bool ordered = true;
+    for (size_t t = 1; t < n && status == BW_OK; t++) ordered = ordered && compare_placed(&order[t - 1], &order[t]) < 0;
+    if (status == BW_OK && !ordered) {
+        qsort(order, n, sizeof *order, compare_placed);
+        void *tet = permuted(ctx, mesh->tet, sizeof *mesh->tet, order, n);
+        void *parameter = mesh->parameter ? permuted(ctx, mesh->parameter, sizeof *mesh->parameter, order, n) : NULL;
+        status = ctx->error.status;
+        void *old[] = {status == BW_OK ? (void *)mesh->tet : tet, status == BW_OK ? (void *)mesh->parameter : parameter};
+        if (status == BW_OK) mesh->tet = tet, mesh->parameter = parameter;
+        bw_free(ctx, old[0]), bw_free(ctx, old[1]);
+    }
+    for (size_t t = 0; t < n && status == BW_OK; t++) mesh->tet_id[t] = order[t].id;
+    bw_free(ctx, order);
+    return status;
+}
+
 bw_status bw_tet_mesh_connect(bw_context *ctx, bw_tet_mesh *mesh) {
-    bw_status status = check_corners(ctx, mesh);
+    bw_status status = mesh->tet_id ? BW_OK : bw_tet_mesh_order(ctx, mesh);
+    if (status == BW_OK) status = check_corners(ctx, mesh);
     if (status == BW_OK) status = number_facets(ctx, mesh);
     if (status == BW_OK) status = number_edges(ctx, mesh);
     return status;
@@ -176,7 +223,7 @@ bw_edge bw_tet_mesh_find_edge(const bw_tet_mesh *mesh, const bw_vertex vertex[2]
 }
 
 void bw_tet_mesh_clear(bw_context *ctx, bw_tet_mesh *mesh) {
-    void *blocks[] = {mesh->position, mesh->tet, mesh->parameter, mesh->tet_facet, mesh->tet_edge,
+    void *blocks[] = {mesh->position, mesh->tet, mesh->parameter, mesh->tet_id, mesh->tet_facet, mesh->tet_edge,
                       mesh->facet, mesh->facet_tet, mesh->edge, mesh->wall, mesh->wall_distance,
                       mesh->feature_vertex, mesh->feature_edge, mesh->feature_facet};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);

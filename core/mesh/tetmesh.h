@@ -12,7 +12,8 @@
  * Invariants after bw_tet_mesh_connect
  *  1. facet[f] and edge[e] list vertices in ascending order; facets and edges are numbered by those lists, ascending.
  *  2. facet_tet[f][0] < facet_tet[f][1]; facet_tet[f][1] is BW_NONE on the boundary.
- *  3. No tet repeats a vertex, no two tets have the same vertices, no facet has more than two tets.
+ *  3. Tets are ordered by their vertices, lowest first, so nothing that is computed depends on their order in the file.
+ *  4. No tet repeats a vertex, no two tets have the same vertices, no facet has more than two tets.
  * Vertices that no tet uses are kept and have no other part in anything.
  */
 #ifndef BW_MESH_TETMESH_H
@@ -27,6 +28,7 @@ typedef struct {
     bw_vertex (*tet)[4];     /* [tet][corner] */
     double (*parameter)[4][3]; /* [tet][corner][axis], as read (nearest doubles); NULL once sanitized */
 
+    bw_tet *tet_id;          /* [tet]: its number in the input */
     bw_facet (*tet_facet)[4];
     bw_edge (*tet_edge)[6];
     bw_vertex (*facet)[3];
@@ -47,7 +49,10 @@ typedef struct {
 extern const uint8_t bw_tet_edge_corners[6][2];
 extern const uint8_t bw_tet_edge_of[4][4]; /* local edge between two corners (undefined on the diagonal) */
 
-/* Derives facets and edges. Errors: BW_E_DUPLICATE, BW_E_NONMANIFOLD, with the tets or facets at fault. O(n). */
+/* Puts the tets, with their parameters, in order and sets tet_id. O(n log n), O(n) if they are in order. */
+bw_status bw_tet_mesh_order(bw_context *ctx, bw_tet_mesh *mesh);
+/* Derives facets and edges, after ordering if that was not done. Errors: BW_E_DUPLICATE, BW_E_NONMANIFOLD, with the tets at fault, as
+ * everywhere by their numbers in the input. O(n). */
 bw_status bw_tet_mesh_connect(bw_context *ctx, bw_tet_mesh *mesh);
 void bw_tet_mesh_clear(bw_context *ctx, bw_tet_mesh *mesh);
 

@@ -117,8 +117,9 @@ static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_ce
             bw_tet tet = cells->cell[tori.cell[0]].tet;
             double centre[3];
             bw_tet_centre(cells->mesh, tet, centre);
-            bw_fail_element(ctx, "tet", tet, centre);
-            status = bw_fail(ctx, BW_E_ALGORITHM, "the block that holds tet %d stays other than a cuboid however often it is cut", tet);
+            bw_fail_element(ctx, "tet", cells->mesh->tet_id[tet], centre);
+            status = bw_fail(ctx, BW_E_ALGORITHM, "the block that holds tet %d stays other than a cuboid however often it is cut",
+                             cells->mesh->tet_id[tet]);
         }
         *splits += tori.count;
         if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, max_cells);

@@ -140,7 +140,7 @@ static bw_status check_signs(job *j) {
             if (bad != (pass == 0)) continue;
             double centre[3];
             bw_tet_centre(j->mesh, (bw_tet)t, centre);
-            bw_fail_element(j->ctx, "tet", (int64_t)t, centre);
+            bw_fail_element(j->ctx, "tet", j->mesh->tet_id[t], centre);
             inverted += bad, coarse += !bad;
         }
     if (inverted)
@@ -158,7 +158,7 @@ static bw_status check_signs(job *j) {
 
 static bw_status load_grid(job *j) {
     if (!j->mesh->tet_count) return bw_fail(j->ctx, BW_E_EMPTY, "the input has no tets");
-    if (choose_exponent(j) || round_values(j)) return j->ctx->error.status;
+    if (bw_tet_mesh_order(j->ctx, j->mesh) || choose_exponent(j) || round_values(j)) return j->ctx->error.status;
     if (is_mirrored(j)) swap_corners(j);
     if (bw_tet_mesh_connect(j->ctx, j->mesh)) return j->ctx->error.status;
     return check_signs(j);

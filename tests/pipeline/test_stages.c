@@ -74,6 +74,35 @@ static void one_process_stages_and_threads_agree(void **state) {
     }
 }
 
+/* The order of the tets in the file has no part in any result. */
+static void shuffled_tets_give_the_same_bytes(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    options.size = 2, options.noise = 0.6, options.perturb = 1e-7, options.scramble = BW_SCRAMBLE_BLOCKS;
+    bw_options job;
+    bw_options_defaults(&job);
+    kit_random random = kit_random_start(5);
+    for (int i = 0; i < 6; i++) {
+        bw_model model;
+        kit_expect_ok(&ctx, bw_model_make(&ctx, "bearing", &options, &model));
+        for (size_t t = model.tet_count - 1; i > 0 && t > 0; t--) {
+            size_t other = kit_random_below(&random, t + 1);
+            int32_t tet[4];
+            double parameter[4][3];
+            memcpy(tet, model.tet[t], sizeof tet), memcpy(parameter, model.parameter[t], sizeof parameter);
+            memcpy(model.tet[t], model.tet[other], sizeof tet), memcpy(model.parameter[t], model.parameter[other], sizeof parameter);
+            memcpy(model.tet[other], tet, sizeof tet), memcpy(model.parameter[other], parameter, sizeof parameter);
+        }
+        kit_expect_ok(&ctx, bw_model_save(&ctx, &model, kit_temp_path("shuffled.hexex")));
+        bw_model_clear(&ctx, &model);
+        run(kit_temp_path("shuffled.hexex"), i ? kit_temp_path("shuffled") : kit_temp_path("in-order"), &job, 1);
+        if (i) expect_same_results("in-order", "shuffled");
+    }
+}
+
 static void until_stops_there(void **state) {
     (void)state;
     const char *input = sample("cuboid", 0);
@@ -202,6 +231,7 @@ static void options_are_read_strictly(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(one_process_stages_and_threads_agree),
+        cmocka_unit_test(shuffled_tets_give_the_same_bytes),
         cmocka_unit_test(until_stops_there),
         cmocka_unit_test(a_failed_job_leaves_a_report),
         cmocka_unit_test(state_files_are_refused_if_damaged_or_of_another_stage),
