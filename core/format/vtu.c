@@ -11,7 +11,7 @@
 #include "format/vtk_grid.h"
 #include "format/vtu_data.h"
 
-enum { DEEPEST = 32, CHUNK = 1 << 18 };
+enum { DEEPEST = 32, ELEMENTS_MOST = 100000, CHUNK = 1 << 18 };
 
 typedef enum { IN_OTHER, IN_FILE, IN_GRID, IN_PIECE, IN_POINTS, IN_CELLS, IN_CELL_DATA, IN_ARRAY } place;
 typedef enum { AS_TEXT, AS_BASE64, AS_APPENDED } encoding;
@@ -25,6 +25,7 @@ typedef struct {
     size_t size;
     place inside[DEEPEST]; /* of the elements that are open */
     int depth;
+    int elements; /* begun so far */
     bool big, wide, deflated;
     bool seen_file, seen_piece;
     int64_t points, cells;
@@ -184,6 +185,10 @@ static void XMLCALL on_start(void *user, const char *name, const char **list) {
         (uint64_t)XML_GetCurrentByteIndex(r->parser) + (uint64_t)XML_GetCurrentByteCount(r->parser);
     if (r->depth == DEEPEST) {
         refuse(r, BW_E_SYNTAX, "elements nest too deep, at '%s'", name);
+        return;
+    }
+    if (++r->elements > ELEMENTS_MOST) {
+        refuse(r, BW_E_COUNT, "the document has too many elements, at '%s'", name);
         return;
     }
     if (r->depth == 1 && r->seen_file && !strcmp(name, "AppendedData")) {

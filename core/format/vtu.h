@@ -16,8 +16,8 @@
  *
  * The input is hostile until read (input_scan.h); besides:
  *  1. A document type declaration is refused, so there are no entities to expand. Elements nest at most 32
- *     deep, a tag is at most 1 MiB long. What the XML parser and zlib allocate is counted in the job's
- *     budget.
+ *     deep and are at most 100 000, a tag is at most 1 MiB long. What the XML parser and zlib allocate is
+ *     counted in the job's budget.
  *  2. Deflated data is refused if it claims to be larger than deflate can make it (1032 : 1).
  * Errors as of bw_vtk_read_memory; places are lines in the XML and bytes in encoded data. O(bytes).
  */

@@ -242,6 +242,18 @@ static void what_is_no_format(void **state) {
     refuses("# a comment", 11, NULL, &none);
     refuses(" \n\t ", 4, NULL, &(damage){"", "", BW_E_EMPTY, NULL, 0, "the input is empty"});
     refuses("", 0, NULL, &(damage){"", "", BW_E_EMPTY, NULL, 0, "the input is empty"});
+    kit_bytes many = {0};
+    put_text(&many, "<VTKFile type=\"UnstructuredGrid\">");
+    for (int i = 0; i < 100001; i++) put_text(&many, "<a/>");
+    refuses(many.bytes, many.size, NULL, &(damage){"", "", BW_E_COUNT, "line", 1, "too many elements"});
+    many.size = 33;
+    for (int i = 0; i < 40; i++) put_text(&many, "<a>");
+    refuses(many.bytes, many.size, NULL, &(damage){"", "", BW_E_SYNTAX, "line", 1, "elements nest too deep"});
+    many.size = 33;
+    put_text(&many, "<a b=\"");
+    for (int i = 0; i < 2000; i++) put_text(&many, "%01000d", i);
+    refuses(many.bytes, many.size, NULL, &(damage){"", "", BW_E_LINE, "line", 1, "a tag is longer than"});
+    free(many.bytes);
     char *word = malloc(70000);
     memset(word, '7', 70000);
     memcpy(word, "OVM ASCII\nVertices\n", 19);
