@@ -16,6 +16,10 @@ bw_scan bw_scan_open(bw_context *ctx, const void *data, size_t size) {
 
 /* ---- errors -------------------------------------------------------------------------------------------- */
 
+static bool printable(char c) {
+    return c >= ' ' && c <= '~';
+}
+
 bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) {
     if (s->ctx->error.status != BW_OK) return s->ctx->error.status;
     char what[360];
@@ -23,6 +27,7 @@ bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) {
     va_start(args, format);
     vsnprintf(what, sizeof what, format, args);
     va_end(args);
+    for (char *c = what; *c; c++) *c = printable(*c) ? *c : '?'; /* names may come from the input */
     char record[60] = "";
     if (s->kind) {
         snprintf(record, sizeof record, " (%s %lld)", s->kind, (long long)s->record);
@@ -32,10 +37,6 @@ bw_status bw_scan_fail(bw_scan *s, bw_status status, const char *format, ...) {
     const char *unit = s->binary ? "byte" : "line";
     bw_fail_element(s->ctx, unit, (int64_t)place, NULL);
     return bw_fail(s->ctx, status, "%s %llu%s: %s", unit, (unsigned long long)place, record, what);
-}
-
-static bool printable(char c) {
-    return c >= ' ' && c <= '~';
 }
 
 const char *bw_word_show(bw_word word, char *text, size_t room) {
