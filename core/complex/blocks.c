@@ -19,7 +19,7 @@ static bw_status number_blocks(bw_build *b) {
     for (size_t i = 0; i < c->cell_count; i++) parent[i] = (bw_cell)i;
     for (size_t p = 0; p < c->polygon_count; p++) {
         const bw_cell_polygon *q = &c->polygon[p];
-        if (q->child[0] != BW_NONE || q->flags & BW_WALL) continue;
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || q->flags & BW_WALL) continue;
         bw_cell m = find(parent, q->cell[0]), n = find(parent, q->cell[1]);
         if (m < n) parent[n] = m;
         else parent[m] = n;
@@ -73,7 +73,7 @@ static bool first_cell_is_below(const bw_cells *c, bw_polygon p) {
     if (q->kind == BW_IN_TET) return true;
     bw_tet home = c->mesh->facet_tet[q->carrier][0];
     for (int i = 0; i < 4; i++)
-        if (c->mesh->tet_facet[home][i] == q->carrier) return c->map->value[home][i][q->plane.axis] < q->plane.value;
+        if (c->mesh->tet_facet[home][i] == q->carrier) return c->map->value[home][i][q->axis] < q->value;
     return true;
 }
 
@@ -102,7 +102,7 @@ static void find_boxes(bw_build *b) {
     for (size_t i = 0; i < x->block_count; i++)
         for (int k = 0; k < 3; k++) b->low[i][k] = INT64_MAX, b->high[i][k] = INT64_MIN;
     for (size_t p = 0; p < c->polygon_count; p++) {
-        if (c->polygon[p].child[0] != BW_NONE || !(c->polygon[p].flags & BW_WALL)) continue;
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || !(c->polygon[p].flags & BW_WALL)) continue;
         for (int slot = 0; slot < 2 && c->polygon[p].cell[slot] != BW_NONE; slot++) {
             bw_block block = x->cell_block[c->polygon[p].cell[slot]];
             int64_t value, *end;

@@ -98,7 +98,7 @@ static bw_status check_charts(const checker *k) {
     const bw_complex *x = k->x;
     for (size_t p = 0; p < c->polygon_count; p++) {
         const bw_cell_polygon *q = &c->polygon[p];
-        if (q->child[0] != BW_NONE) continue;
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p)) continue;
         if (!(q->flags & BW_WALL)) {
             bw_transition across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
             bw_transition other = bw_transition_compose(&x->cell_chart[q->cell[1]], &across);
@@ -172,7 +172,7 @@ static bw_status check_features(const checker *k) {
     const bw_tet_mesh *m = c->mesh;
     const bw_complex *x = k->x;
     for (size_t p = 0; p < c->polygon_count; p++)
-        if (c->polygon[p].child[0] == BW_NONE && c->polygon[p].flags & BW_FEATURE && !(c->polygon[p].flags & BW_WALL))
+        if (bw_cells_polygon_is_leaf(c, (bw_polygon)p) && c->polygon[p].flags & BW_FEATURE && !(c->polygon[p].flags & BW_WALL))
             return VIOLATED(k, "a feature facet is no wall (facet %d)", c->polygon[p].carrier);
     if (m->feature_edge_count + m->feature_vertex_count == 0) return BW_OK;
     uint8_t *edge_on_arc = bw_alloc(k->ctx, c->edge_count, 1), *vertex_is_node = bw_alloc(k->ctx, c->vertex_count, 1);

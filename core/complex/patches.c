@@ -63,13 +63,13 @@ bw_status bw_build_patches(bw_build *b) {
     size_t walls = 0, count = 0;
     for (size_t p = 0; p < c->polygon_count; p++) {
         b->polygon_patch[p] = BW_NONE;
-        walls += c->polygon[p].child[0] == BW_NONE && c->polygon[p].flags & BW_WALL;
+        walls += bw_cells_polygon_is_leaf(c, (bw_polygon)p) && c->polygon[p].flags & BW_WALL;
     }
     x->patch_polygon = bw_alloc(b->ctx, walls, sizeof *x->patch_polygon);
     x->patch_polygon_begin = bw_alloc(b->ctx, walls + 1, sizeof *x->patch_polygon_begin);
     bw_status status = b->ctx->error.status;
     for (size_t p = 0; p < c->polygon_count && status == BW_OK; p++) {
-        if (c->polygon[p].child[0] != BW_NONE || !(c->polygon[p].flags & BW_WALL) || b->polygon_patch[p] != BW_NONE) continue;
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || !(c->polygon[p].flags & BW_WALL) || b->polygon_patch[p] != BW_NONE) continue;
         status = grow(b, (bw_polygon)p, (bw_patch)x->patch_count, x->patch_polygon, &count);
         x->patch_polygon_begin[++x->patch_count] = count;
     }

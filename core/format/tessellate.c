@@ -34,25 +34,17 @@ static bw_status sort_cells_by_tet(bw_context *ctx, bw_tessellation *t) {
     return BW_OK;
 }
 
-/* Two edges on the same lines of the same carrier are collinear; others may be too (a line along an axis lies
+/* Two edges that meet, of the same carrier and in iso-planes of the same axes, are collinear; others may be too (a line along an axis lies
  * in two iso-planes of a facet, and only one is recorded), which the coordinates then tell. */
 static bool same_line(const bw_cell_edge *a, const bw_cell_edge *b) {
     if (a->kind != b->kind || a->carrier != b->carrier) return false;
-    if (a->kind == BW_IN_EDGE) return true;
-    if (a->kind == BW_IN_FACET)
-        return a->plane[0].axis == b->plane[0].axis && a->plane[0].value == b->plane[0].value;
-    for (int i = 0; i < 2; i++) {
-        bool swapped = a->plane[0].axis != b->plane[0].axis;
-        const bw_plane *x = &a->plane[i], *y = &b->plane[swapped ? 1 - i : i];
-        if (x->axis != y->axis || x->value != y->value) return false;
-    }
-    return true;
+    return a->kind == BW_IN_EDGE || a->axis == b->axis;
 }
 
 static bw_status mark_straight(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_polygon p) {
     const bw_cells *cells = t->cells;
+    bw_half before = bw_cells_half_previous(cells, cells->polygon[p].half);
     FOR_HALVES(cells, h, p) {
-        bw_half before = cells->half[h].previous;
         const bw_cell_edge *in = &cells->edge[cells->half[before].edge],
                            *out = &cells->edge[cells->half[h].edge];
         int32_t slot[3];
@@ -61,6 +53,7 @@ static bw_status mark_straight(bw_context *ctx, bw_tessellation *t, bw_chart *ch
         if (status == BW_OK) status = bw_chart_add(ctx, chart, bw_cells_half_end(cells, h), &slot[2]);
         if (status != BW_OK) return status;
         t->straight[h] = same_line(in, out) || bw_chart_collinear(chart, slot);
+        before = h;
     }
     return BW_OK;
 }

@@ -48,7 +48,7 @@ static void view_clear(bw_context *ctx, view *w) {
 static bool same_plane(const bw_cell_polygon *a, const bw_cell_polygon *b) {
     if (a->kind != b->kind) return false;
     if (a->kind == BW_IN_FACET) return a->carrier == b->carrier;
-    return a->plane.axis == b->plane.axis && a->plane.value == b->plane.value;
+    return a->axis == b->axis && a->value == b->value;
 }
 
 static int32_t plane_number(const bw_cells *cells, view *w, bw_polygon p) {
@@ -107,8 +107,7 @@ static bw_status view_open(const chooser *c, view *w, bw_cell cell) {
 
 /* Neither neighbour of the half-edge's origin is straight, so the fan from there has no flat triangle. */
 static bool fan_is_good(const chooser *c, bw_half h) {
-    const bw_cell_half *x = &c->cells->half[h];
-    return !c->t->straight[x->next] && !c->t->straight[x->previous];
+    return !c->t->straight[c->cells->half[h].next] && !c->t->straight[bw_cells_half_previous(c->cells, h)];
 }
 
 /* Whether a polygon can still be given triangles that all have the origin of one of its half-edges. */

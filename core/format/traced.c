@@ -146,16 +146,17 @@ static int32_t find_list(const bw_vertex *lists, size_t total, int size, const b
 
 static uint64_t feature_edge_pieces(writer *w, bw_cedge e, bool write) {
     const bw_cell_edge *x = &w->cells->edge[e];
-    if (x->child[0] != BW_NONE)
-        return feature_edge_pieces(w, x->child[0], write) + feature_edge_pieces(w, x->child[1], write);
+    if (!bw_cells_edge_is_leaf(w->cells, e))
+        return feature_edge_pieces(w, bw_cells_edge_part(w->cells, e, 0), write) +
+               feature_edge_pieces(w, bw_cells_edge_part(w->cells, e, 1), write);
     if (write) bw_hexex_write_feature_edge(&w->out, x->vertex);
     return 1;
 }
 
 static uint64_t feature_facet_pieces(writer *w, bw_polygon p, bool write) {
-    const bw_cell_polygon *x = &w->cells->polygon[p];
-    if (x->child[0] != BW_NONE)
-        return feature_facet_pieces(w, x->child[0], write) + feature_facet_pieces(w, x->child[1], write);
+    if (!bw_cells_polygon_is_leaf(w->cells, p))
+        return feature_facet_pieces(w, bw_cells_polygon_part(w->cells, p, 0), write) +
+               feature_facet_pieces(w, bw_cells_polygon_part(w->cells, p, 1), write);
     bw_tessellation_triangles(w->t, p, w->triangle);
     for (int32_t i = 0; write && i < w->t->size[p] - 2; i++)
         bw_hexex_write_feature_facet(&w->out, w->triangle[i]);

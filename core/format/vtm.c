@@ -84,7 +84,7 @@ static void put_polygon(writer *w, bw_polygon p, bool turned) {
     bw_half first = w->cells->polygon[p].half, h = first;
     do {
         bw_vtm_int32(&w->file, w->point[w->cells->half[h].origin]);
-        h = turned ? w->cells->half[h].previous : w->cells->half[h].next;
+        h = turned ? bw_cells_half_previous(w->cells, h) : w->cells->half[h].next;
     } while (h != first);
 }
 

@@ -51,18 +51,18 @@ static void init_polygon(bw_cells *c, bw_facet f) {
     const bw_tet_mesh *mesh = c->mesh;
     bw_cell_polygon *p = &c->polygon[f];
     bool boundary = mesh->facet_tet[f][1] == BW_NONE;
-    *p = (bw_cell_polygon){.plane = {0, -1}, .carrier = f, .half = 3 * f, .child = {BW_NONE, BW_NONE}, .parent = BW_NONE,
+    *p = (bw_cell_polygon){.axis = -1, .carrier = f, .half = 3 * f, .parent = BW_NONE,
                            .cell = {mesh->facet_tet[f][0], mesh->facet_tet[f][1]}, .in_cell = {BW_NONE, BW_NONE},
                            .kind = BW_IN_FACET, .flags = boundary ? BW_WALL | BW_BOUNDARY : 0};
     const int64_t *x[3];
     for (int i = 0; i < 3; i++)
         x[i] = c->map->value[p->cell[0]][bw_tet_corner(mesh, p->cell[0], mesh->facet[f][i])];
     for (int8_t k = 0; k < 3; k++)
-        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p->plane = (bw_plane){x[0][k], k};
+        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p->axis = k, p->value = x[0][k];
     for (int i = 0; i < 3; i++) {
         bw_half h = 3 * f + i;
         bw_vertex a = mesh->facet[f][i], b = mesh->facet[f][(i + 1) % 3];
-        c->half[h] = (bw_cell_half){.origin = a, .polygon = f, .next = 3 * f + (i + 1) % 3, .previous = 3 * f + (i + 2) % 3};
+        c->half[h] = (bw_cell_half){.origin = a, .polygon = f, .next = 3 * f + (i + 1) % 3};
         link_radial(c, h, mesh_edge_between(mesh, p->cell[0], a, b));
     }
 }
@@ -80,7 +80,7 @@ bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mes
         cells->vertex[v] = (bw_cell_vertex){.kind = BW_IN_VERTEX, .carrier = (int32_t)v};
     for (size_t e = 0; e < mesh->edge_count; e++)
         cells->edge[e] = (bw_cell_edge){.carrier = (int32_t)e, .vertex = {mesh->edge[e][0], mesh->edge[e][1]},
-                                        .child = {BW_NONE, BW_NONE}, .parent = BW_NONE, .half = BW_NONE, .kind = BW_IN_EDGE};
+                                        .half = BW_NONE, .child = BW_NONE, .kind = BW_IN_EDGE};
     for (size_t f = 0; f < mesh->facet_count; f++) init_polygon(cells, (bw_facet)f);
     for (size_t t = 0; t < mesh->tet_count; t++) {
         cells->cell[t] = (bw_cell_body){.tet = (bw_tet)t, .first = BW_NONE};
@@ -99,25 +99,24 @@ bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mes
 static bw_cvertex split_edge(bw_cells *c, bw_cedge e, const bw_cell_vertex *at) {
     bw_cvertex v = (bw_cvertex)c->vertex_count++;
     c->vertex[v] = *at;
-    bw_cedge child[2] = {(bw_cedge)c->edge_count, (bw_cedge)c->edge_count + 1};
+    bw_cedge child = (bw_cedge)c->edge_count;
     c->edge_count += 2;
     for (int i = 0; i < 2; i++) {
-        bw_cell_edge *x = &c->edge[child[i]];
+        bw_cell_edge *x = &c->edge[child + i];
         *x = c->edge[e];
         x->vertex[!i] = v;
-        x->half = x->child[0] = x->child[1] = BW_NONE;
-        x->parent = e;
-        c->edge[e].child[i] = child[i];
+        x->half = BW_NONE;
     }
+    c->edge[e].child = child;
     bw_half head = c->edge[e].half, h = head;
     do {
         bw_half following = c->half[h].radial, h2 = (bw_half)c->half_count++;
         bw_half next = c->half[h].next;
         bool forward = c->half[h].origin == c->edge[e].vertex[0];
-        c->half[h2] = (bw_cell_half){.origin = v, .polygon = c->half[h].polygon, .next = next, .previous = h};
-        c->half[h].next = c->half[next].previous = h2;
-        link_radial(c, h, child[!forward]);
-        link_radial(c, h2, child[forward]);
+        c->half[h2] = (bw_cell_half){.origin = v, .polygon = c->half[h].polygon, .next = next};
+        c->half[h].next = h2;
+        link_radial(c, h, child + !forward);
+        link_radial(c, h2, child + forward);
         h = following;
     } while (h != head);
     c->edge[e].half = BW_NONE;
@@ -140,8 +139,8 @@ static void replace_in_cell(bw_cells *c, bw_cell cell, bw_polygon old, const bw_
 /* Gives the half-edges from `first` up to (not including) `end` to polygon p and closes the cycle with a half-edge of e. */
 static void close_cycle(bw_cells *c, bw_polygon p, bw_half first, bw_half last, bw_cvertex from, bw_cedge e) {
     bw_half h = (bw_half)c->half_count++;
-    c->half[h] = (bw_cell_half){.origin = from, .polygon = p, .next = first, .previous = last};
-    c->half[first].previous = c->half[last].next = h;
+    c->half[h] = (bw_cell_half){.origin = from, .polygon = p, .next = first};
+    c->half[last].next = h;
     link_radial(c, h, e);
     c->polygon[p].half = first;
     for (bw_half x = first; x != h; x = c->half[x].next) c->half[x].polygon = p;
@@ -152,19 +151,18 @@ static void split_polygon(bw_cells *c, bw_polygon p, const bw_half h[2], const b
     bw_cedge e = (bw_cedge)c->edge_count++;
     c->edge[e] = *line;
     c->edge[e].vertex[0] = c->half[h[0]].origin, c->edge[e].vertex[1] = c->half[h[1]].origin;
-    c->edge[e].child[0] = c->edge[e].child[1] = c->edge[e].parent = c->edge[e].half = BW_NONE;
-    bw_half last[2] = {c->half[h[1]].previous, c->half[h[0]].previous};
+    bw_half last[2] = {bw_cells_half_previous(c, h[1]), bw_cells_half_previous(c, h[0])};
     for (int i = 0; i < 2; i++) {
         child[i] = (bw_polygon)c->polygon_count++;
         c->polygon[child[i]] = c->polygon[p];
         c->polygon[child[i]].parent = p;
     }
-    memcpy(c->polygon[p].child, child, sizeof c->polygon[p].child);
     close_cycle(c, child[0], h[0], last[0], c->edge[e].vertex[1], e);
     close_cycle(c, child[1], h[1], last[1], c->edge[e].vertex[0], e);
     for (int i = 0; i < 2; i++)
         if (c->polygon[p].cell[i] != BW_NONE) replace_in_cell(c, c->polygon[p].cell[i], p, child);
     c->polygon[p].half = BW_NONE;
+    c->polygon[p].in_cell[0] = child[0];
 }
 
 /* ---- cutting ------------------------------------------------------------------------------------------------------- */
@@ -237,15 +235,10 @@ static void split_crossed_edges(bw_cells *c, cut *k) {
 
 /* The edge that the cut leaves in a polygon: it lies where the polygon lies, in one more plane. */
 static bw_cell_edge section_line(const bw_cells *c, const cut *k, bw_polygon p) {
-    bw_cell_edge line = {.kind = c->polygon[p].kind, .carrier = c->polygon[p].carrier};
+    bw_cell_edge line = {.kind = c->polygon[p].kind, .carrier = c->polygon[p].carrier, .half = BW_NONE, .child = BW_NONE};
     int sign;
-    if (line.kind == BW_IN_TET) {
-        line.plane[0] = c->polygon[p].plane;
-        line.plane[1] = k->plane;
-    } else {
-        line.plane[0] = bw_cells_plane_at_home(c, line.carrier, k->tet, k->plane, &sign);
-        line.plane[1] = (bw_plane){0, -1};
-    }
+    if (line.kind == BW_IN_TET) line.axis = (int8_t)(3 - c->polygon[p].axis - k->plane.axis);
+    else line.axis = bw_cells_plane_at_home(c, line.carrier, k->tet, k->plane, &sign).axis;
     return line;
 }
 
@@ -304,11 +297,10 @@ static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
         c->half[h].origin = from;
         from = e->vertex[e->vertex[0] == from];
         c->half[h].next = h + 1 < end ? h + 1 : begin;
-        c->half[h].previous = h > begin ? h - 1 : end - 1;
         link_radial(c, h, c->half[h].edge);
     }
-    c->polygon[section] = (bw_cell_polygon){.plane = k->plane, .carrier = k->tet, .half = begin, .cell = {k->cell, other},
-                                            .in_cell = {BW_NONE, BW_NONE}, .child = {BW_NONE, BW_NONE}, .parent = BW_NONE,
+    c->polygon[section] = (bw_cell_polygon){.value = k->plane.value, .axis = k->plane.axis, .carrier = k->tet, .half = begin,
+                                            .cell = {k->cell, other}, .in_cell = {BW_NONE, BW_NONE}, .parent = BW_NONE,
                                             .kind = BW_IN_TET};
     return section;
 }

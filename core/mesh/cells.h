@@ -14,11 +14,11 @@
  *               coordinate is larger than its floor (never for two of the three)
  *       tet     exact[k] = coordinate k in the tet's chart
  *     so comparing a coordinate with an integer needs integer arithmetic only.
- *  3. Every edge has a carrier too, and the iso-planes that made it: none if it lies in a tet edge, one if in a facet
- *     (chart of facet_tet[facet][0]), two if in a tet.
+ *  3. Every edge has a carrier too, and the iso-planes that made it: none if it lies in a tet edge, one if in a facet, two if in
+ *     a tet. Their axes are stored; their values are coordinates of the edge's vertices.
  *  4. Every polygon lies in a facet or, with its iso-plane, in the interior of a tet.
  *  5. A polygon's half-edges form a cycle; all half-edges of an edge form a radial ring, in no particular order.
- *  6. Only leaves (child[0] == BW_NONE) have half-edges and belong to cells.
+ *  6. Only leaves (half != BW_NONE) have half-edges and belong to cells.
  */
 #ifndef BW_MESH_CELLS_H
 #define BW_MESH_CELLS_H
@@ -39,35 +39,36 @@ typedef struct {
 } bw_cell_vertex;
 
 typedef struct {
-    bw_plane plane[2];
-    int32_t carrier;      /* bw_edge, bw_facet or bw_tet */
+    int32_t carrier; /* bw_edge, bw_facet or bw_tet */
     bw_cvertex vertex[2];
-    bw_cedge child[2];    /* child[0] holds vertex[0] */
-    bw_cedge parent;
-    bw_half half;         /* any half-edge of the radial ring */
-    uint8_t kind;         /* bw_carrier, not BW_IN_VERTEX */
-    uint8_t flags;        /* BW_KEPT; children inherit */
+    bw_half half;    /* any half-edge of the radial ring; BW_NONE if the edge was split */
+    bw_cedge child;  /* the part with vertex[0]; that with vertex[1] has the next number */
+    uint8_t kind;    /* bw_carrier, not BW_IN_VERTEX */
+    uint8_t flags;   /* BW_KEPT; children inherit */
+    int8_t axis;     /* in a facet: of its iso-plane, chart of facet_tet[facet][0]; in a tet: along which it runs */
 } bw_cell_edge;
 
 typedef struct {
     bw_cvertex origin;
     bw_cedge edge;
     bw_polygon polygon;
-    bw_half next, previous; /* around the polygon */
-    bw_half radial;         /* next half-edge of the same edge */
+    bw_half next;   /* around the polygon */
+    bw_half radial; /* next half-edge of the same edge */
 } bw_cell_half;
 
 enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds rectangles (MC 5.4) */ };
 enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */, BW_FEATURE = 8 };
 
 typedef struct {
-    bw_plane plane;        /* kind BW_IN_TET: iso-plane in the tet's chart; else axis is -1 unless the facet is aligned, then chart of facet_tet[0] */
+    int64_t value;         /* of its plane; see axis */
     int64_t distance;      /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
     int32_t carrier;       /* bw_facet or bw_tet */
-    bw_half half;          /* any half-edge */
+    bw_half half;          /* any half-edge; BW_NONE if the polygon was split */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
-    bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first) */
-    bw_polygon child[2], parent;
+    bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first); of one that was split
+                              in_cell[0] is the first of its two parts, which have consecutive numbers */
+    bw_polygon parent;     /* that it is a part of, or BW_NONE */
+    int8_t axis;           /* kind BW_IN_TET: of the iso-plane in the tet's chart; else -1 unless the facet is aligned, then chart of facet_tet[0] */
     uint8_t kind;          /* bw_carrier: BW_IN_FACET or BW_IN_TET */
     uint8_t flags;         /* BW_WALL, BW_BOUNDARY; children inherit */
 } bw_cell_polygon;
@@ -114,12 +115,23 @@ static inline bw_polygon bw_cells_next_in_cell(const bw_cells *cells, bw_polygon
     return cells->polygon[p].in_cell[cells->polygon[p].cell[0] != cell];
 }
 static inline bool bw_cells_polygon_is_leaf(const bw_cells *cells, bw_polygon p) {
-    return cells->polygon[p].child[0] == BW_NONE;
+    return cells->polygon[p].half != BW_NONE;
 }
-static inline bool bw_cells_edge_is_leaf(const bw_cells *cells, bw_cedge e) { return cells->edge[e].child[0] == BW_NONE; }
+static inline bool bw_cells_edge_is_leaf(const bw_cells *cells, bw_cedge e) { return cells->edge[e].half != BW_NONE; }
+/* The two parts, i = 0 or 1, of what was split. */
+static inline bw_polygon bw_cells_polygon_part(const bw_cells *cells, bw_polygon p, int i) {
+    return cells->polygon[p].in_cell[0] + i;
+}
+static inline bw_cedge bw_cells_edge_part(const bw_cells *cells, bw_cedge e, int i) { return cells->edge[e].child + i; }
 /* Both vertices of a half-edge's edge other than its origin. */
 static inline bw_cvertex bw_cells_half_end(const bw_cells *cells, bw_half h) {
     return cells->half[cells->half[h].next].origin;
+}
+/* The half-edge before another around its polygon. O(size of the polygon). */
+static inline bw_half bw_cells_half_previous(const bw_cells *cells, bw_half h) {
+    bw_half previous = h;
+    while (cells->half[previous].next != h) previous = cells->half[previous].next;
+    return previous;
 }
 /* Transition into the chart of cell `to` from that of cell `from` across a polygon they share. */
 bw_transition bw_cells_transition(const bw_cells *cells, bw_polygon polygon, bw_cell from);

@@ -13,7 +13,6 @@ static bw_status check_half(bw_context *ctx, const bw_cells *c, bw_half h, bw_po
     const bw_cell_edge *e = &c->edge[x->edge];
     bw_cvertex end = bw_cells_half_end(c, h);
     if (x->polygon != p) return violated(ctx, "a half-edge names another polygon", h);
-    if (c->half[x->next].previous != h) return violated(ctx, "a half-edge cycle is broken", h);
     if (!bw_cells_edge_is_leaf(c, x->edge)) return violated(ctx, "a half-edge lies on an edge that was split", h);
     if (!((e->vertex[0] == x->origin && e->vertex[1] == end) || (e->vertex[1] == x->origin && e->vertex[0] == end)))
         return violated(ctx, "a half-edge and its edge have different ends", h);
@@ -46,10 +45,11 @@ static bw_status check_convex(bw_context *ctx, const bw_cells *c, bw_cell cell, 
     const bw_cell_polygon *w = &c->polygon[wall];
     if (w->kind != BW_IN_TET) return BW_OK;
     int outside = w->cell[0] == cell ? 1 : -1;
+    bw_plane plane = {w->value, w->axis};
     for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell)) {
         bw_half h = c->polygon[p].half;
         do {
-            int side = bw_cells_side(c, c->half[h].origin, c->cell[cell].tet, w->plane);
+            int side = bw_cells_side(c, c->half[h].origin, c->cell[cell].tet, plane);
             if (side == outside || (p == wall && side)) return violated(ctx, "a cell's vertex lies beyond its plane", cell);
             h = c->half[h].next;
         } while (h != c->polygon[p].half);

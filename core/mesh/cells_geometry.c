@@ -126,13 +126,19 @@ static bw_cell_vertex cross_mesh_edge(const bw_cells *cells, bw_edge edge, bw_te
     return v;
 }
 
+/* The value of one of an edge's iso-planes: the coordinate of its vertices. */
+static int64_t value_on_edge(const bw_cells *cells, const bw_cell_edge *e, bw_tet tet, int axis) {
+    bool fraction;
+    return bw_cells_floor(cells, e->vertex[0], tet, axis, &fraction);
+}
+
 static bw_cell_vertex cross_in_facet(const bw_cells *cells, const bw_cell_edge *e, bw_tet tet, bw_plane plane) {
     int sign;
     bw_plane home = bw_cells_plane_at_home(cells, e->carrier, tet, plane, &sign);
     bw_cell_vertex v = {.kind = BW_IN_FACET, .carrier = e->carrier};
-    int r = 3 - home.axis - e->plane[0].axis;
+    int r = 3 - home.axis - e->axis;
     v.exact[home.axis] = home.value;
-    v.exact[e->plane[0].axis] = e->plane[0].value;
+    v.exact[e->axis] = value_on_edge(cells, e, home_of(cells, e->carrier), e->axis);
     i128 normal[3];
     int64_t corner[3];
     bool fraction;
@@ -147,20 +153,20 @@ bw_cell_vertex bw_cells_crossing(const bw_cells *cells, bw_cedge edge, bw_tet te
     if (e->kind == BW_IN_EDGE) return cross_mesh_edge(cells, e->carrier, tet, plane);
     if (e->kind == BW_IN_FACET) return cross_in_facet(cells, e, tet, plane);
     bw_cell_vertex v = {.kind = BW_IN_TET, .carrier = e->carrier};
-    v.exact[plane.axis] = plane.value;
-    for (int i = 0; i < 2; i++) v.exact[e->plane[i].axis] = e->plane[i].value;
+    for (int i = 0; i < 3; i++) v.exact[i] = i == e->axis ? plane.value : value_on_edge(cells, e, tet, i);
     return v;
 }
 
 bw_plane bw_cells_polygon_plane(const bw_cells *cells, bw_polygon polygon, bw_tet tet) {
     const bw_cell_polygon *p = &cells->polygon[polygon];
-    if (p->kind == BW_IN_TET || p->plane.axis < 0 || tet == home_of(cells, p->carrier)) return p->plane;
-    return bw_transition_plane(&cells->map->transition[p->carrier], p->plane);
+    bw_plane plane = {p->value, p->axis};
+    if (p->kind == BW_IN_TET || p->axis < 0 || tet == home_of(cells, p->carrier)) return plane;
+    return bw_transition_plane(&cells->map->transition[p->carrier], plane);
 }
 
 int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {
     const bw_cell_edge *e = &cells->edge[edge];
-    if (e->kind == BW_IN_TET) return 3 - e->plane[0].axis - e->plane[1].axis;
+    if (e->kind == BW_IN_TET) return e->axis;
     if (e->kind == BW_IN_EDGE) {
         const int64_t *p = value_at(cells, tet, cells->mesh->edge[e->carrier][0]);
         const int64_t *q = value_at(cells, tet, cells->mesh->edge[e->carrier][1]);
@@ -172,7 +178,7 @@ int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {
     i128 normal[3];
     int64_t corner[3];
     facet_plane(cells, e->carrier, normal, corner);
-    int b = e->plane[0].axis, axis = -1; /* the edge's direction is the normal crossed with axis b */
+    int b = e->axis, axis = -1; /* the edge's direction is the normal crossed with axis b */
     for (int i = 1; i < 3; i++)
         if (normal[(b + i) % 3] == 0) axis = (b + i) % 3;
     if (axis < 0 || tet == home_of(cells, e->carrier)) return axis;

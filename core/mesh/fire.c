@@ -294,9 +294,9 @@ static bool alive(const bw_cells *c, bw_cedge e) {
 static bw_status cross(bw_fire *f, entry x) {
     bw_cells *c = f->cells;
     if (!bw_cells_edge_is_leaf(c, x.edge)) {
-        bw_cedge child[2] = {c->edge[x.edge].child[0], c->edge[x.edge].child[1]};
+        bw_cedge whole = x.edge;
         for (int i = 0; i < 2; i++) {
-            x.edge = child[i];
+            x.edge = bw_cells_edge_part(c, whole, i);
             bw_status status = push(f, x);
             if (status != BW_OK) return status;
         }

@@ -6,7 +6,7 @@
 static bw_status ignite_edge(bw_fire *fire, bw_cedge e) {
     if (bw_cells_edge_is_leaf(fire->cells, e)) return bw_fire_ignite_edge(fire, e);
     bw_status status = BW_OK;
-    for (int i = 0; i < 2 && status == BW_OK; i++) status = ignite_edge(fire, fire->cells->edge[e].child[i]);
+    for (int i = 0; i < 2 && status == BW_OK; i++) status = ignite_edge(fire, bw_cells_edge_part(fire->cells, e, i));
     return status;
 }
 

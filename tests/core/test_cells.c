@@ -149,9 +149,9 @@ static void damage_is_found(void **state) {
         switch (kind) {
         case 0: f.cells.half[h].origin = bw_cells_half_end(&f.cells, h); break;
         case 1: f.cells.half[h].radial = h; break;
-        case 2: f.cells.polygon[section].plane.value++; break;
+        case 2: f.cells.polygon[section].value++; break;
         case 3: f.cells.polygon[section].cell[0] = f.cells.polygon[section].cell[1]; break;
-        default: f.cells.polygon[section].child[0] = section; break;
+        default: f.cells.polygon[section].half = BW_NONE; break;
         }
         kit_expect_status(&ctx, bw_cells_check(&ctx, &f.cells), BW_E_CHECK);
         finish(&ctx, &f);

@@ -147,7 +147,7 @@ static void a_missing_wall_is_found(void **state) {
     bw_model_options options = options_of(5, 0);
     kit_expect_ok(&ctx, make(&ctx, &f, "ball", &options, BW_COMPLEX_MC));
     bw_polygon inner = 0;
-    while (!(f.cells.polygon[inner].flags == BW_WALL && f.cells.polygon[inner].child[0] == BW_NONE)) inner++;
+    while (!(f.cells.polygon[inner].flags == BW_WALL && bw_cells_polygon_is_leaf(&f.cells, inner))) inner++;
     f.cells.polygon[inner].flags = 0;
     bw_complex damaged;
     bw_torus_list tori = {0};
