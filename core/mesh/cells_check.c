@@ -1,6 +1,7 @@
 /* The validator of the cell complex: see the invariants in cells.h. */
 #include <string.h>
 
+#include "base/parallel.h"
 #include "mesh/cells.h"
 #include "mesh/walk.h"
 
@@ -86,14 +87,39 @@ static bw_status check_cell(bw_context *ctx, const bw_cells *c, bw_cell cell, bw
     return BW_OK;
 }
 
-bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
+typedef struct {
+    const bw_cells *cells;
+    bw_cell *seen[BW_PARALLEL_MOST]; /* [vertex], one per range: the cell in which a vertex was counted last */
+} task;
+
+static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const bw_cells *cells = ((const task *)user)->cells;
     bw_status status = BW_OK;
-    bw_cell *seen = bw_alloc(ctx, cells->vertex_count, sizeof *seen);
-    if (!seen) return ctx->error.status;
-    memset(seen, -1, cells->vertex_count * sizeof *seen);
-    for (size_t p = 0; p < cells->polygon_count && status == BW_OK; p++)
+    (void)range;
+    for (size_t p = begin; p < end && status == BW_OK; p++)
         if (bw_cells_polygon_is_leaf(cells, (bw_polygon)p)) status = check_polygon(ctx, cells, (bw_polygon)p);
-    for (size_t c = 0; c < cells->cell_count && status == BW_OK; c++) status = check_cell(ctx, cells, (bw_cell)c, seen);
-    bw_free(ctx, seen);
+    return status;
+}
+
+static bw_status check_cells(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const task *t = user;
+    bw_status status = BW_OK;
+    for (size_t c = begin; c < end && status == BW_OK; c++) status = check_cell(ctx, t->cells, (bw_cell)c, t->seen[range]);
+    return status;
+}
+
+bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
+    enum { LEAST = 2048 }; /* fewer items are not worth a thread */
+    task t = {.cells = cells};
+    int ranges = bw_parallel_ranges(ctx, cells->cell_count, LEAST);
+    for (int i = 0; i < ranges; i++) {
+        t.seen[i] = bw_alloc(ctx, cells->vertex_count, sizeof *t.seen[i]);
+        if (t.seen[i]) memset(t.seen[i], -1, cells->vertex_count * sizeof *t.seen[i]);
+    }
+    bw_status status = ctx->error.status;
+    if (status == BW_OK)
+        status = bw_parallel(ctx, cells->polygon_count, bw_parallel_ranges(ctx, cells->polygon_count, LEAST), check_polygons, &t);
+    if (status == BW_OK) status = bw_parallel(ctx, cells->cell_count, ranges, check_cells, &t);
+    for (int i = 0; i < ranges; i++) bw_free(ctx, t.seen[i]);
     return status;
 }
