@@ -128,9 +128,11 @@ const cli_command cli_command_run = {
     .name = "run",
     .synopsis = "INPUT --out DIR [options]",
     .summary = "decompose a part here, without a daemon",
-    .about = "Reads INPUT, a tet mesh with a seamless parametrization (.hexex: 12 parameters per tet,\n"
-             "decimals or rationals p/q), makes the map exactly seamless (sanitize), traces the walls\n"
-             "of its motorcycle complex (trace), finds nodes, arcs, patches and blocks (build) and\n"
+    .about = "Reads INPUT, a tet mesh with a seamless parametrization (12 parameters per tet): .hexex,\n"
+             "VTK (.vtk, .vtu), Gmsh .msh, OpenVolumeMesh .ovm, or Medit .mesh with --parameters; the\n"
+             "format is found by content. Makes the map exactly seamless (sanitize), traces the walls\n"
+             "of its motorcycle complex (trace), finds nodes, arcs, patches and blocks (build), takes\n"
+             "away the walls that can be spared (reduce) and\n"
              "writes to DIR (encode):\n\n"
              "  report.json    counts, displacement, seconds and peak memory per stage; or why it failed\n"
              "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet\n"
@@ -141,6 +143,8 @@ const cli_command cli_command_run = {
              "cancels.",
     .examples = "  blockwright run part.hexex --out result\n"
                 "  blockwright run part.hexex --out result --complex bc     the base complex instead\n"
+                "  blockwright run part.hexex --out result --reduce full    as few blocks as can be\n"
+                "  blockwright run part.vtu --out result --vtk              VTK in, and out for ParaView\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"
                 "  blockwright run part.hexex --out result --memory 4G --max-cells 5000000",
     .options = options,
