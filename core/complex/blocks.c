@@ -1,69 +1,53 @@
 /* Blocks: cells that no wall separates, laid out in one chart each (MC 4.1). */
-#include <string.h>
-
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-static bw_cell find(bw_cell *parent, bw_cell x) {
-    while (parent[x] != x) x = parent[x] = parent[parent[x]];
-    return x;
-}
-
-/* Connected cells share a number; blocks are numbered by their lowest cell. */
-static bw_status number_blocks(bw_build *b) {
+/* Visits the cells that no wall separates from `root`, gives them its block's number and carries their charts to that of `root`. A cell reached
+ * with two different charts makes the block a torus (or worse): not_cuboid. */
+static void lay_out_block(bw_build *b, bw_cell root, bw_block block, bw_cell *stack) {
     const bw_cells *c = b->cells;
     bw_complex *x = b->complex;
-    bw_cell *parent = x->cell_block = bw_alloc(b->ctx, c->cell_count, sizeof *parent);
-    if (!parent) return b->ctx->error.status;
-    x->cell_count = c->cell_count;
-    for (size_t i = 0; i < c->cell_count; i++) parent[i] = (bw_cell)i;
-    for (size_t p = 0; p < c->polygon_count; p++) {
-        const bw_cell_polygon *q = &c->polygon[p];
-        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || q->flags & BW_WALL) continue;
-        bw_cell m = find(parent, q->cell[0]), n = find(parent, q->cell[1]);
-        if (m < n) parent[n] = m;
-        else parent[m] = n;
-    }
-    for (size_t i = 0; i < c->cell_count; i++) parent[i] = find(parent, (bw_cell)i);
-    for (size_t i = 0; i < c->cell_count; i++) /* a root comes before its members, and holds its block's number from then on */
-        parent[i] = parent[i] == (bw_cell)i ? (bw_block)x->block_count++ : parent[parent[i]];
-    return BW_OK;
-}
-
-/* Carries every cell's chart to that of its block's first cell. A cell reached with two different charts makes the
- * block a torus (or worse): not_cuboid. */
-static bw_status lay_out(bw_build *b) {
-    const bw_cells *c = b->cells;
-    bw_complex *x = b->complex;
-    bw_cell *stack = bw_alloc(b->ctx, c->cell_count, sizeof *stack);
-    uint8_t *reached = bw_alloc(b->ctx, c->cell_count, 1);
-    bw_status status = b->ctx->error.status;
-    for (size_t root = 0; root < c->cell_count && status == BW_OK; root++) {
-        if (reached[root]) continue;
-        size_t top = 0;
-        stack[top++] = (bw_cell)root;
-        reached[root] = 1;
-        while (top) {
-            bw_cell at = stack[--top];
-            for (bw_polygon p = c->cell[at].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, at)) {
-                if (c->polygon[p].flags & BW_WALL) continue;
-                bw_cell to = bw_cells_across(c, p, at);
+    size_t top = 0;
+    stack[top++] = root;
+    x->cell_block[root] = block;
+    while (top) {
+        bw_cell at = stack[--top];
+        for (bw_polygon p = c->cell[at].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, at)) {
+            const bw_cell_polygon *q = &c->polygon[p];
+            if (q->flags & BW_WALL) continue;
+            bw_cell to = bw_cells_across(c, p, at);
+            bool reached = x->cell_block[to] != BW_NONE;
+            if (reached && q->cell[0] == at) continue; /* compared from the other side */
+            bw_transition chart = x->cell_chart[at];
+            if (q->kind == BW_IN_FACET) {
                 bw_transition back = bw_cells_transition(c, p, to);
-                bw_transition chart = bw_transition_compose(&x->cell_chart[at], &back);
-                if (!reached[to]) {
-                    x->cell_chart[to] = chart;
-                    reached[to] = 1;
-                    stack[top++] = to;
-                } else if (chart.rotation != x->cell_chart[to].rotation ||
-                           memcmp(chart.shift, x->cell_chart[to].shift, sizeof chart.shift)) {
-                    b->not_cuboid[x->cell_block[at]] = 1;
-                }
+                chart = bw_transition_compose(&chart, &back);
+            }
+            if (!reached) {
+                x->cell_chart[to] = chart;
+                x->cell_block[to] = block;
+                stack[top++] = to;
+            } else if (!bw_transition_equal(&chart, &x->cell_chart[to])) {
+                b->not_cuboid[block] = 1;
             }
         }
-        status = bw_poll(b->ctx);
+    }
+}
+
+/* Blocks are numbered by their lowest cell. */
+static bw_status lay_out(bw_build *b) {
+    size_t cells = b->cells->cell_count, room = 0;
+    bw_complex *x = b->complex;
+    bw_cell *stack = bw_alloc(b->ctx, cells, sizeof *stack);
+    bw_status status = b->ctx->error.status;
+    for (size_t i = 0; i < cells && status == BW_OK; i++) x->cell_block[i] = BW_NONE;
+    for (size_t root = 0; root < cells && status == BW_OK; root++) {
+        if (x->cell_block[root] != BW_NONE) continue;
+        status = bw_reserve(b->ctx, &b->not_cuboid, &room, x->block_count + 1);
+        if (status == BW_OK) lay_out_block(b, (bw_cell)root, (bw_block)x->block_count++, stack);
+        if (status == BW_OK) status = bw_poll(b->ctx);
     }
     bw_free(b->ctx, stack);
-    bw_free(b->ctx, reached);
     return status;
 }
 
@@ -119,15 +103,16 @@ static void find_boxes(bw_build *b) {
 
 bw_status bw_build_blocks(bw_build *b) {
     bw_complex *x = b->complex;
-    bw_status status = number_blocks(b);
+    x->cell_count = b->cells->cell_count;
+    x->cell_block = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_block);
+    x->cell_chart = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_chart);
+    bw_status status = b->ctx->error.status;
+    if (status == BW_OK) status = lay_out(b);
     if (status != BW_OK) return status;
-    x->cell_chart = bw_alloc(b->ctx, b->cells->cell_count, sizeof *x->cell_chart);
     x->block_extent = bw_alloc(b->ctx, x->block_count, sizeof *x->block_extent);
     b->low = bw_alloc(b->ctx, x->block_count, sizeof *b->low);
     b->high = bw_alloc(b->ctx, x->block_count, sizeof *b->high);
-    b->not_cuboid = bw_alloc(b->ctx, x->block_count, 1);
     status = b->ctx->error.status;
-    if (status == BW_OK) status = lay_out(b);
     if (status != BW_OK) return status;
     find_boxes(b);
     for (size_t i = 0; i < x->block_count; i++)

@@ -54,6 +54,9 @@ static inline bw_transition bw_transition_inverse(const bw_transition *t) {
     return i;
 }
 bool bw_transition_is_identity(const bw_transition *t);
+static inline bool bw_transition_equal(const bw_transition *a, const bw_transition *b) {
+    return a->rotation == b->rotation && a->shift[0] == b->shift[0] && a->shift[1] == b->shift[1] && a->shift[2] == b->shift[2];
+}
 
 /* The plane u[axis] = value, carried along a transition. */
 typedef struct {
