@@ -5,28 +5,48 @@
 #include "mesh/cells_geometry.h"
 
 enum { UNKNOWN = 2 };
+enum { BELOW = 1, ABOVE = 2 }; /* sides of a plane on which something has vertices */
+
+struct bw_cut_corner {
+    bw_half half;
+    int sign; /* of its origin */
+};
+
+struct bw_cut_face {
+    bw_polygon polygon;
+    uint32_t begin; /* its corners, up to the next face's */
+    unsigned sides;
+    bw_polygon part; /* if it was split: the part below the plane; the other has the number before or after it */
+};
+
+typedef struct bw_cut_corner corner;
+typedef struct bw_cut_face face;
 
 /* ---- storage ------------------------------------------------------------------------------------------------------- */
 
 void bw_cells_clear(bw_context *ctx, bw_cells *cells) {
     bw_free(ctx, cells->vertex), bw_free(ctx, cells->edge), bw_free(ctx, cells->half);
     bw_free(ctx, cells->polygon), bw_free(ctx, cells->cell);
-    bw_free(ctx, cells->sign), bw_free(ctx, cells->touched);
+    bw_free(ctx, cells->sign), bw_free(ctx, cells->face), bw_free(ctx, cells->corner);
     memset(cells, 0, sizeof *cells);
 }
 
-/* Room for everything that one cut of a cell with `size` half-edges can add. */
-static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t halves, size_t radial) {
+/* Room for a sign of every vertex there is room for. */
+static bw_status make_room_for_signs(bw_context *ctx, bw_cells *c) {
+    size_t before = c->sign_room;
+    bw_status s = bw_reserve(ctx, &c->sign, &c->sign_room, c->vertex_room);
+    if (s == BW_OK && c->sign_room > before) memset(c->sign + before, UNKNOWN, c->sign_room - before);
+    return s;
+}
+
+/* Room for what one cut of a cell adds, but for half-edges in polygons that only touch it. */
+static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t halves) {
     bw_status s = bw_reserve(ctx, &c->vertex, &c->vertex_room, c->vertex_count + halves);
     if (s == BW_OK) s = bw_reserve(ctx, &c->edge, &c->edge_room, c->edge_count + 2 * halves + polygons);
-    if (s == BW_OK) s = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + radial + 4 * polygons + halves);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + 4 * polygons + 2 * halves);
     if (s == BW_OK) s = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 2 * polygons + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->cell, &c->cell_room, c->cell_count + 1);
-    if (s == BW_OK && c->sign_room < c->vertex_room) {
-        size_t before = c->sign_room;
-        s = bw_reserve(ctx, &c->sign, &c->sign_room, c->vertex_room);
-        if (s == BW_OK) memset(c->sign + before, UNKNOWN, c->sign_room - before);
-    }
+    if (s == BW_OK) s = make_room_for_signs(ctx, c);
     if (s == BW_OK && (c->vertex_count > INT32_MAX / 4 || c->half_count > INT32_MAX / 4))
         s = bw_fail(ctx, BW_E_LIMIT, "the cut complex has more elements than a 32-bit index can name");
     return s;
@@ -74,7 +94,7 @@ bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mes
     cells->vertex_count = mesh->vertex_count, cells->edge_count = mesh->edge_count;
     cells->polygon_count = mesh->facet_count, cells->half_count = 3 * mesh->facet_count;
     cells->cell_count = mesh->tet_count;
-    bw_status status = make_room(ctx, cells, 0, 0, 0);
+    bw_status status = make_room(ctx, cells, 0, 0);
     if (status != BW_OK) return status;
     for (size_t v = 0; v < mesh->vertex_count; v++)
         cells->vertex[v] = (bw_cell_vertex){.kind = BW_IN_VERTEX, .carrier = (int32_t)v};
@@ -95,8 +115,8 @@ bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mes
 
 /* ---- splitting ----------------------------------------------------------------------------------------------------- */
 
-/* Splits an edge at a new vertex; every polygon around it gets the vertex. Room was made by the caller. */
-static bw_cvertex split_edge(bw_cells *c, bw_cedge e, const bw_cell_vertex *at) {
+/* Splits an edge at a new vertex; every polygon around it gets the vertex. */
+static bw_status split_edge(bw_context *ctx, bw_cells *c, bw_cedge e, const bw_cell_vertex *at) {
     bw_cvertex v = (bw_cvertex)c->vertex_count++;
     c->vertex[v] = *at;
     bw_cedge child = (bw_cedge)c->edge_count;
@@ -110,30 +130,33 @@ static bw_cvertex split_edge(bw_cells *c, bw_cedge e, const bw_cell_vertex *at) 
     c->edge[e].child = child;
     bw_half head = c->edge[e].half, h = head;
     do {
+        bw_status status = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + 1);
+        if (status != BW_OK) return status;
         bw_half following = c->half[h].radial, h2 = (bw_half)c->half_count++;
-        bw_half next = c->half[h].next;
         bool forward = c->half[h].origin == c->edge[e].vertex[0];
-        c->half[h2] = (bw_cell_half){.origin = v, .polygon = c->half[h].polygon, .next = next};
+        c->half[h2] = (bw_cell_half){.origin = v, .polygon = c->half[h].polygon, .next = c->half[h].next};
         c->half[h].next = h2;
         link_radial(c, h, child + !forward);
         link_radial(c, h2, child + forward);
         h = following;
     } while (h != head);
     c->edge[e].half = BW_NONE;
-    return v;
+    return BW_OK;
 }
 
-static void replace_in_cell(bw_cells *c, bw_cell cell, bw_polygon old, const bw_polygon child[2]) {
+/* Puts the two parts of a polygon in its place among the polygons of a cell. */
+static void replace_in_cell(bw_cells *c, bw_cell cell, bw_polygon old, bw_polygon part) {
     bw_polygon rest = bw_cells_next_in_cell(c, old, cell);
-    c->polygon[child[0]].in_cell[c->polygon[child[0]].cell[0] != cell] = child[1];
-    c->polygon[child[1]].in_cell[c->polygon[child[1]].cell[0] != cell] = rest;
+    int slot = c->polygon[part].cell[0] != cell;
+    c->polygon[part].in_cell[slot] = part + 1;
+    c->polygon[part + 1].in_cell[slot] = rest;
     if (c->cell[cell].first == old) {
-        c->cell[cell].first = child[0];
+        c->cell[cell].first = part;
         return;
     }
-    bw_polygon p = c->cell[cell].first;
-    while (bw_cells_next_in_cell(c, p, cell) != old) p = bw_cells_next_in_cell(c, p, cell);
-    c->polygon[p].in_cell[c->polygon[p].cell[0] != cell] = child[0];
+    bw_polygon p = c->cell[cell].first, next;
+    while ((next = bw_cells_next_in_cell(c, p, cell)) != old) p = next;
+    c->polygon[p].in_cell[c->polygon[p].cell[0] != cell] = part;
 }
 
 /* Gives the half-edges from `first` up to (not including) `end` to polygon p and closes the cycle with a half-edge of e. */
@@ -146,23 +169,25 @@ static void close_cycle(bw_cells *c, bw_polygon p, bw_half first, bw_half last, 
     for (bw_half x = first; x != h; x = c->half[x].next) c->half[x].polygon = p;
 }
 
-/* Splits a polygon by a new edge between the origins of two of its half-edges. child[0] is the side after h[0]. */
-static void split_polygon(bw_cells *c, bw_polygon p, const bw_half h[2], const bw_cell_edge *line, bw_polygon child[2]) {
+/* Splits a polygon by a new edge between the origins of two of its half-edges: its first part is the side after h[0]. `cell` is the cell
+ * being cut, whose list is made anew afterwards; the one across is put right. */
+static bw_polygon split_polygon(bw_cells *c, bw_cell cell, bw_polygon p, const bw_half h[2], const bw_cell_edge *line) {
     bw_cedge e = (bw_cedge)c->edge_count++;
     c->edge[e] = *line;
     c->edge[e].vertex[0] = c->half[h[0]].origin, c->edge[e].vertex[1] = c->half[h[1]].origin;
     bw_half last[2] = {bw_cells_half_previous(c, h[1]), bw_cells_half_previous(c, h[0])};
+    bw_polygon part = (bw_polygon)c->polygon_count;
+    c->polygon_count += 2;
     for (int i = 0; i < 2; i++) {
-        child[i] = (bw_polygon)c->polygon_count++;
-        c->polygon[child[i]] = c->polygon[p];
-        c->polygon[child[i]].parent = p;
+        c->polygon[part + i] = c->polygon[p];
+        c->polygon[part + i].parent = p;
+        close_cycle(c, part + i, h[i], last[i], c->edge[e].vertex[!i], e);
     }
-    close_cycle(c, child[0], h[0], last[0], c->edge[e].vertex[1], e);
-    close_cycle(c, child[1], h[1], last[1], c->edge[e].vertex[0], e);
-    for (int i = 0; i < 2; i++)
-        if (c->polygon[p].cell[i] != BW_NONE) replace_in_cell(c, c->polygon[p].cell[i], p, child);
+    bw_cell across = bw_cells_across(c, p, cell);
+    if (across != BW_NONE) replace_in_cell(c, across, p, part);
     c->polygon[p].half = BW_NONE;
-    c->polygon[p].in_cell[0] = child[0];
+    c->polygon[p].in_cell[0] = part;
+    return part;
 }
 
 /* ---- cutting ------------------------------------------------------------------------------------------------------- */
@@ -171,66 +196,52 @@ typedef struct {
     bw_cell cell;
     bw_tet tet;
     bw_plane plane;
-    size_t touched; /* vertices whose sign is set */
+    size_t faces, corners; /* in the scratch arrays; face[faces] ends the last one */
+    unsigned sides;        /* of the cell */
 } cut;
 
-#define FOR_POLYGONS(c, p, cell_)                                                                                     \
-    for (bw_polygon p = (c)->cell[cell_].first; p != BW_NONE; p = bw_cells_next_in_cell((c), p, (cell_)))
+static unsigned side_of(int sign) { return sign < 0 ? BELOW : sign > 0 ? ABOVE : 0; }
 
-static void set_sign(bw_cells *c, cut *k, bw_cvertex v, int sign) {
-    c->sign[v] = (int8_t)sign;
-    c->touched[k->touched++] = v;
-}
-
-/* Signs of all vertices of the cell; *found has bit 0 if some are negative, bit 1 if some are positive. */
-static bw_status classify(bw_context *ctx, bw_cells *c, cut *k, int *found) {
-    size_t polygons = 0, halves = 0, radial = 0;
-    FOR_POLYGONS(c, p, k->cell) {
-        polygons++;
+/* Collects the cell's polygons, and their half-edges with the sign of each origin. */
+static bw_status classify(bw_context *ctx, bw_cells *c, cut *k) {
+    bw_status status = c->sign_room < c->vertex_count ? make_room_for_signs(ctx, c) : BW_OK;
+    bw_polygon p = c->cell[k->cell].first;
+    for (; status == BW_OK; p = bw_cells_next_in_cell(c, p, k->cell), k->faces++) {
+        status = bw_reserve(ctx, &c->face, &c->face_room, k->faces + 1);
+        if (status != BW_OK) return status;
+        face *f = &c->face[k->faces];
+        *f = (face){.polygon = p, .begin = (uint32_t)k->corners, .part = BW_NONE};
+        if (p == BW_NONE) break;
         bw_half h = c->polygon[p].half;
         do {
-            halves++;
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-    }
-    bw_status status = bw_reserve(ctx, &c->touched, &c->touched_room, 2 * halves);
-    if (status == BW_OK && c->sign_room < c->vertex_count) status = make_room(ctx, c, 0, 0, 0);
-    if (status != BW_OK) return status;
-    FOR_POLYGONS(c, p, k->cell) {
-        bw_half h = c->polygon[p].half;
-        do {
+            status = bw_reserve(ctx, &c->corner, &c->corner_room, k->corners + 1);
+            if (status != BW_OK) return status;
             bw_cvertex v = c->half[h].origin;
-            if (c->sign[v] == UNKNOWN) {
-                int sign = bw_cells_side(c, v, k->tet, k->plane);
-                set_sign(c, k, v, sign);
-                *found |= sign < 0 ? 1 : sign > 0 ? 2 : 0;
-            }
+            if (c->sign[v] == UNKNOWN) c->sign[v] = (int8_t)bw_cells_side(c, v, k->tet, k->plane);
+            c->corner[k->corners++] = (corner){h, c->sign[v]};
+            f->sides |= side_of(c->sign[v]);
             h = c->half[h].next;
         } while (h != c->polygon[p].half);
+        k->sides |= f->sides;
     }
-    if (*found != 3) return BW_OK;
-    FOR_POLYGONS(c, p, k->cell) {
-        bw_half h = c->polygon[p].half;
-        do {
-            if (c->sign[c->half[h].origin] * c->sign[bw_cells_half_end(c, h)] < 0)
-                for (bw_half r = c->half[h].radial; r != h; r = c->half[r].radial) radial++;
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-    }
-    return make_room(ctx, c, polygons, halves, radial + halves);
+    return status;
 }
 
-static void split_crossed_edges(bw_cells *c, cut *k) {
-    FOR_POLYGONS(c, p, k->cell) {
-        bw_half h = c->polygon[p].half;
-        do {
-            if (c->sign[c->half[h].origin] * c->sign[bw_cells_half_end(c, h)] < 0) {
-                bw_cell_vertex at = bw_cells_crossing(c, c->half[h].edge, k->tet, k->plane);
-                set_sign(c, k, split_edge(c, c->half[h].edge, &at), 0);
-            }
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-    }
+/* The corner after corner i of a face. */
+static const corner *after(const bw_cells *c, const face *f, uint32_t i) { return &c->corner[i + 1 < f[1].begin ? i + 1 : f->begin]; }
+
+static bw_status split_crossed_edges(bw_context *ctx, bw_cells *c, const cut *k) {
+    bw_status status = BW_OK;
+    for (const face *f = c->face; f < c->face + k->faces; f++)
+        for (uint32_t i = f->begin; i < f[1].begin && f->sides == (BELOW | ABOVE) && status == BW_OK; i++) {
+            bw_half h = c->corner[i].half;
+            if (c->corner[i].sign * after(c, f, i)->sign >= 0) continue;
+            if (c->sign[bw_cells_half_end(c, h)] == 0) continue; /* was split from its other polygon */
+            bw_cell_vertex at = bw_cells_crossing(c, c->half[h].edge, k->tet, k->plane);
+            c->sign[c->vertex_count] = 0;
+            status = split_edge(ctx, c, c->half[h].edge, &at);
+        }
+    return status;
 }
 
 /* The edge that the cut leaves in a polygon: it lies where the polygon lies, in one more plane. */
@@ -242,49 +253,45 @@ static bw_cell_edge section_line(const bw_cells *c, const cut *k, bw_polygon p) 
     return line;
 }
 
-static void split_crossed_polygons(bw_cells *c, cut *k) {
-    for (bw_polygon p = c->cell[k->cell].first, next; p != BW_NONE; p = next) {
-        next = bw_cells_next_in_cell(c, p, k->cell);
-        bw_half zero[2] = {BW_NONE, BW_NONE}, h = c->polygon[p].half;
-        int found = 0, zeros = 0;
-        do {
-            int sign = c->sign[c->half[h].origin];
-            found |= sign < 0 ? 1 : sign > 0 ? 2 : 0;
-            if (sign == 0 && zeros++ < 2) zero[zeros - 1] = h;
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-        if (found != 3) continue;
-        bw_cell_edge line = section_line(c, k, p);
-        bw_polygon child[2];
-        split_polygon(c, p, zero, &line, child);
+static void split_crossed_polygons(bw_cells *c, const cut *k) {
+    for (face *f = c->face; f < c->face + k->faces; f++) {
+        if (f->sides != (BELOW | ABOVE)) continue;
+        bw_half zero[2] = {BW_NONE, BW_NONE};
+        int zeros = 0, first_side = 0; /* sign of what follows zero[0] */
+        for (uint32_t i = f->begin; i < f[1].begin && zeros < 2; i++) {
+            int sign = c->corner[i].sign, next = after(c, f, i)->sign;
+            if (sign == 0) zero[zeros++] = c->corner[i].half;
+            else if (sign * next < 0) zero[zeros++] = c->half[c->corner[i].half].next;
+            if (zeros == 1 && first_side == 0) first_side = next;
+        }
+        bw_cell_edge line = section_line(c, k, f->polygon);
+        bw_polygon part = split_polygon(c, k->cell, f->polygon, zero, &line);
+        f->part = first_side < 0 ? part : part + 1;
     }
 }
 
-/* Side of a polygon that the plane does not cross. */
-static int polygon_side(const bw_cells *c, bw_polygon p) {
-    bw_half h = c->polygon[p].half;
-    do {
-        if (c->sign[c->half[h].origin]) return c->sign[c->half[h].origin];
-        h = c->half[h].next;
-    } while (h != c->polygon[p].half);
-    return 0;
+/* The half-edges of the section: the edges in the plane, each taken once from its polygon below. */
+static void collect_section(bw_cells *c, const cut *k, bw_polygon section) {
+    for (const face *f = c->face; f < c->face + k->faces; f++) {
+        if (f->part != BW_NONE) { /* its last half-edge, before the first, is the new one */
+            bw_half h = bw_cells_half_previous(c, c->polygon[f->part].half);
+            c->half[c->half_count++] = (bw_cell_half){.origin = c->half[h].origin, .edge = c->half[h].edge, .polygon = section};
+        }
+        for (uint32_t i = f->begin; i < f[1].begin && f->sides == BELOW; i++) {
+            bw_half h = c->corner[i].half;
+            if (c->corner[i].sign == 0 && after(c, f, i)->sign == 0)
+                c->half[c->half_count++] = (bw_cell_half){.origin = c->half[h].origin, .edge = c->half[h].edge, .polygon = section};
+        }
+    }
 }
 
-/* The section's boundary: the edges in the plane, each seen once from its polygon on the negative side, reversed and put in order. */
+/* Makes the polygon in the plane. The polygons around it have arbitrary orientations: its half-edges are put in order by shared vertices. */
 static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
     bw_polygon section = (bw_polygon)c->polygon_count++;
     bw_half begin = (bw_half)c->half_count;
-    FOR_POLYGONS(c, p, k->cell) {
-        if (polygon_side(c, p) > 0) continue;
-        bw_half h = c->polygon[p].half;
-        do {
-            if (c->sign[c->half[h].origin] == 0 && c->sign[bw_cells_half_end(c, h)] == 0)
-                c->half[c->half_count++] = (bw_cell_half){.origin = c->half[h].origin, .edge = c->half[h].edge, .polygon = section};
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-    }
+    collect_section(c, k, section);
     bw_half end = (bw_half)c->half_count;
-    bw_cvertex from = c->half[begin].origin; /* orientations of the polygons are arbitrary: order by shared vertices */
+    bw_cvertex from = c->half[begin].origin;
     for (bw_half h = begin; h < end; h++) {
         for (bw_half x = h; x < end; x++) {
             const bw_cell_edge *e = &c->edge[c->half[x].edge];
@@ -305,39 +312,52 @@ static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
     return section;
 }
 
-/* Distributes the polygons of the cut cell over it (negative side) and the new cell (positive side). */
+/* Appends a polygon of the cut cell to the list of its half below or above. */
+static void hand_over(bw_cells *c, const cut *k, bw_cell other, bw_polygon p, bool above, bw_polygon tail[2]) {
+    int slot = c->polygon[p].cell[0] != k->cell;
+    bw_cell owner = above ? other : k->cell;
+    c->polygon[p].cell[slot] = owner;
+    c->polygon[p].in_cell[slot] = BW_NONE;
+    c->polygon[tail[above]].in_cell[c->polygon[tail[above]].cell[0] != owner] = p;
+    tail[above] = p;
+}
+
+/* Distributes the polygons of the cut cell over it (below) and the new cell (above). */
 static void divide_cell(bw_cells *c, const cut *k, bw_cell other, bw_polygon section) {
-    bw_polygon next, tail[2] = {section, section};
-    bw_polygon p = c->cell[k->cell].first;
+    bw_polygon tail[2] = {section, section};
     c->cell[k->cell].first = c->cell[other].first = section;
-    for (; p != BW_NONE; p = next) {
-        next = bw_cells_next_in_cell(c, p, k->cell);
-        int side = polygon_side(c, p) > 0, slot = c->polygon[p].cell[0] != k->cell;
-        if (side) c->polygon[p].cell[slot] = other;
-        c->polygon[p].in_cell[slot] = BW_NONE;
-        bw_cell owner = side ? other : k->cell;
-        c->polygon[tail[side]].in_cell[c->polygon[tail[side]].cell[0] != owner] = p;
-        tail[side] = p;
+    for (const face *f = c->face; f < c->face + k->faces; f++) {
+        if (f->part == BW_NONE) {
+            hand_over(c, k, other, f->polygon, f->sides == ABOVE, tail);
+            continue;
+        }
+        bw_polygon part = bw_cells_polygon_part(c, f->polygon, 0);
+        for (bw_polygon p = part; p <= part + 1; p++) hand_over(c, k, other, p, p != f->part, tail);
     }
 }
 
 bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane plane, bw_polygon *section) {
     cut k = {.cell = cell, .tet = cells->cell[cell].tet, .plane = plane};
-    int found = 0;
+    size_t vertices = cells->vertex_count;
     *section = BW_NONE;
-    bw_status status = classify(ctx, cells, &k, &found);
-    if (status == BW_OK && found == 3) {
-        split_crossed_edges(cells, &k);
-        split_crossed_polygons(cells, &k);
-        bw_cell other = (bw_cell)cells->cell_count++;
-        cells->cell[other] = (bw_cell_body){.tet = k.tet, .first = BW_NONE};
-        *section = make_section(cells, &k, other);
-        divide_cell(cells, &k, other, *section);
+    bw_status status = classify(ctx, cells, &k);
+    if (status == BW_OK && k.sides == (BELOW | ABOVE)) {
+        status = make_room(ctx, cells, k.faces, k.corners);
+        if (status == BW_OK) status = split_crossed_edges(ctx, cells, &k);
+        if (status == BW_OK) status = make_room(ctx, cells, k.faces, k.corners);
+        if (status == BW_OK) {
+            split_crossed_polygons(cells, &k);
+            bw_cell other = (bw_cell)cells->cell_count++;
+            cells->cell[other] = (bw_cell_body){.tet = k.tet, .first = BW_NONE};
+            *section = make_section(cells, &k, other);
+            divide_cell(cells, &k, other, *section);
+        }
     } else if (status == BW_OK) {
-        FOR_POLYGONS(cells, p, cell)
-        if (polygon_side(cells, p) == 0) *section = p;
+        for (size_t i = 0; i < k.faces; i++)
+            if (!cells->face[i].sides) *section = cells->face[i].polygon;
     }
-    for (size_t i = 0; i < k.touched; i++) cells->sign[cells->touched[i]] = UNKNOWN;
+    for (size_t i = 0; i < k.corners; i++) cells->sign[cells->half[cells->corner[i].half].origin] = UNKNOWN;
+    for (size_t v = vertices; v < cells->vertex_count; v++) cells->sign[v] = UNKNOWN;
     return status;
 }
 

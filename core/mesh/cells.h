@@ -89,10 +89,11 @@ typedef struct {
     bw_cell_body *cell;
     size_t vertex_room, edge_room, half_room, polygon_room, cell_room; /* capacities */
     /* scratch of bw_cells_cut */
-    int8_t *sign; /* per vertex: sign of the vertex in the running cut; 2 = not known */
+    int8_t *sign; /* [vertex]: its side in the running cut; 2 = not known */
     size_t sign_room;
-    bw_cvertex *touched;
-    size_t touched_room;
+    struct bw_cut_face *face; /* the polygons of the cell, and their half-edges */
+    struct bw_cut_corner *corner;
+    size_t face_room, corner_room;
 } bw_cells;
 
 /* The uncut complex: vertices, edges, polygons and cells have the numbers of the mesh's vertices, edges, facets, tets.
