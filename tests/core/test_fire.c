@@ -60,9 +60,7 @@ static size_t count_flagged(const fixture *f, uint8_t flag) {
     return count;
 }
 
-/* ---- planes
- * ---------------------------------------------------------------------------------------------------------
- */
+/* ---- planes ----------------------------------------------------------------------------------------- */
 
 /* A cell of a block and the plane across the middle of the block's axis in it, if the cell reaches it:
  * BW_NONE if none does. */
@@ -166,9 +164,7 @@ static void a_plane_that_misses_the_cell_burns_nothing(void **state) {
     close_model(&f);
 }
 
-/* ---- points
- * ---------------------------------------------------------------------------------------------------------
- */
+/* ---- points ----------------------------------------------------------------------------------------- */
 
 static bool on_boundary(const fixture *f, bw_vertex v) {
     for (size_t i = 0; i < f->mesh.facet_count; i++)
@@ -238,9 +234,7 @@ static void a_point_on_the_boundary_gives_two(void **state) {
     }
 }
 
-/* ---- edges
- * ----------------------------------------------------------------------------------------------------------
- */
+/* ---- edges ------------------------------------------------------------------------------------------ */
 
 /* What tracing does, by hand: with a limit for the cells, twice the same, and never across a singular edge.
  */

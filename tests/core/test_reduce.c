@@ -12,8 +12,7 @@ static const bw_reduce_mode modes[] = {BW_REDUCE_KEEP_SINGULAR, BW_REDUCE_FULL};
         }                                                                                                    \
     } while (0)
 
-/* ---- properties of every result
- * -------------------------------------------------------------------------------------- */
+/* ---- properties of every result --------------------------------------------------------------------- */
 
 static __int128 side_area(const bw_complex *x, bw_block b, int side) {
     const int64_t *extent = x->block_extent[b];
@@ -148,9 +147,7 @@ static void every_result_is_valid_and_irreducible(void **state) {
         }
 }
 
-/* ---- numbers
- * ----------------------------------------------------------------------------------------------------------
- */
+/* ---- numbers ---------------------------------------------------------------------------------------- */
 
 /* Blocks with effort 1, mc. With keep-singular none of these can lose a wall: each of them has a singular
  * edge or is all that keeps a torus open. Full: l-shape   not convex, so two plus      only one block holds
@@ -241,8 +238,7 @@ static void the_same_walls_go_each_time(void **state) {
     }
 }
 
-/* ---- what the tests above would find
- * ---------------------------------------------------------------------------------- */
+/* ---- what the tests above would find ---------------------------------------------------------------- */
 
 /* Irreducible for real: whichever wall that may go is taken away from the reduced complex, what is left is no
  * complex of cuboids. */
@@ -319,9 +315,7 @@ static void a_wall_too_many_is_found(void **state) {
     reducible_close(&r);
 }
 
-/* ---- failures
- * ---------------------------------------------------------------------------------------------------------
- */
+/* ---- failures --------------------------------------------------------------------------------------- */
 
 static bw_status reduce_and_clear(bw_context *ctx, void *user) {
     bw_complex x;

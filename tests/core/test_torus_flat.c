@@ -75,8 +75,7 @@ static void close_shape(fixture *f) {
     assert_int_equal(f->ctx.memory.used, 0);
 }
 
-/* ---- ignition where there is nothing
- * -------------------------------------------------------------------------------- */
+/* ---- ignition where there is nothing ---------------------------------------------------------------- */
 
 static void expect_cuboids(fixture *f) {
     const bw_complex *x = &f->complex;
@@ -157,8 +156,7 @@ static void they_are_reduced_like_any_other(void **state) {
         }
 }
 
-/* ---- as jobs
- * -------------------------------------------------------------------------------------------------------- */
+/* ---- as jobs ---------------------------------------------------------------------------------------- */
 
 static void their_results_are_exact(void **state) {
     (void)state;
@@ -184,8 +182,7 @@ static void their_results_are_exact(void **state) {
     }
 }
 
-/* ---- failures
- * ------------------------------------------------------------------------------------------------------- */
+/* ---- failures --------------------------------------------------------------------------------------- */
 
 static bw_status build_and_clear(bw_context *ctx, void *user) {
     fixture *f = user;
