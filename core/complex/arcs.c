@@ -6,22 +6,23 @@
 
 enum { NOT_SET = -2, FORCED = -3 /* a feature vertex: a node wherever it is on an arc */ };
 
-/* Number of walls around an edge. */
-static int walls_around(const bw_cells *c, bw_cedge e) {
-    int walls = 0;
-    bw_half head = c->edge[e].half, h = head;
-    do {
-        walls += (c->polygon[c->half[h].polygon].flags & BW_WALL) != 0;
-        h = c->half[h].radial;
-    } while (h != head);
-    return walls;
+/* Counts the wall polygons around every edge: in b->edge_arc, until list_fans has looked at them. */
+static void count_walls(bw_build *b) {
+    const bw_cells *c = b->cells;
+    for (size_t p = 0; p < c->polygon_count; p++) {
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || !(c->polygon[p].flags & BW_WALL)) continue;
+        bw_half h = c->polygon[p].half;
+        do {
+            b->edge_arc[c->half[h].edge]++;
+            h = c->half[h].next;
+        } while (h != c->polygon[p].half);
+    }
 }
 
 /* A wall passes flat through a regular edge that carries two wall polygons: that these are coplanar is for the check of the blocks'
  * charts to verify. Every other edge with walls is part of an arc, and so are features and the edges that
  * reduction marked. */
-static bool is_arc_edge(const bw_cells *c, bw_cedge e) {
-    int walls = walls_around(c, e);
+static bool is_arc_edge(const bw_cells *c, bw_cedge e, int walls) {
     return walls > 2 || (walls > 0 && (walls == 1 || c->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(c, e) ||
                                        bw_cells_edge_is_feature(c, e)));
 }
@@ -32,6 +33,16 @@ typedef struct {
     uint8_t flags;
     int walls;
 } arc_kind;
+
+static int walls_around(const bw_cells *c, bw_cedge e) {
+    int walls = 0;
+    bw_half head = c->edge[e].half, h = head;
+    do {
+        walls += (c->polygon[c->half[h].polygon].flags & BW_WALL) != 0;
+        h = c->half[h].radial;
+    } while (h != head);
+    return walls;
+}
 
 static arc_kind kind_of(const bw_cells *c, bw_cedge e) {
     bool boundary = bw_cells_edge_is_boundary(c, e), singular = bw_cells_edge_is_singular(c, e);
@@ -52,10 +63,10 @@ static bw_status list_fans(bw_build *b, fans *out) {
     const bw_cells *c = b->cells;
     out->begin = bw_alloc(b->ctx, c->vertex_count + 2, sizeof *out->begin);
     if (!out->begin) return b->ctx->error.status;
+    count_walls(b);
     for (size_t e = 0; e < c->edge_count; e++) {
-        b->edge_arc[e] = BW_NONE;
-        if (!bw_cells_edge_is_leaf(c, (bw_cedge)e) || !is_arc_edge(c, (bw_cedge)e)) continue;
-        b->edge_arc[e] = NOT_SET;
+        b->edge_arc[e] = is_arc_edge(c, (bw_cedge)e, b->edge_arc[e]) ? NOT_SET : BW_NONE;
+        if (b->edge_arc[e] == BW_NONE) continue;
         for (int i = 0; i < 2; i++) out->begin[c->edge[e].vertex[i] + 2]++;
     }
     for (size_t v = 2; v < c->vertex_count + 2; v++) out->begin[v] += out->begin[v - 1];

@@ -2,52 +2,74 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-/* Visits the cells that no wall separates from `root`, gives them its block's number and carries their charts to that of `root`. A cell reached
- * with two different charts makes the block a torus (or worse): not_cuboid. */
-static void lay_out_block(bw_build *b, bw_cell root, bw_block block, bw_cell *stack) {
-    const bw_cells *c = b->cells;
-    bw_complex *x = b->complex;
-    size_t top = 0;
-    stack[top++] = root;
-    x->cell_block[root] = block;
-    while (top) {
-        bw_cell at = stack[--top];
-        for (bw_polygon p = c->cell[at].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, at)) {
-            const bw_cell_polygon *q = &c->polygon[p];
-            if (q->flags & BW_WALL) continue;
-            bw_cell to = bw_cells_across(c, p, at);
-            bool reached = x->cell_block[to] != BW_NONE;
-            if (reached && q->cell[0] == at) continue; /* compared from the other side */
-            bw_transition chart = x->cell_chart[at];
-            if (q->kind == BW_IN_FACET) {
-                bw_transition back = bw_cells_transition(c, p, to);
-                chart = bw_transition_compose(&chart, &back);
-            }
-            if (!reached) {
-                x->cell_chart[to] = chart;
-                x->cell_block[to] = block;
-                stack[top++] = to;
-            } else if (!bw_transition_equal(&chart, &x->cell_chart[to])) {
-                b->not_cuboid[block] = 1;
-            }
-        }
+/* Disjoint sets of cells; a root is the lowest cell of its set. chart[i] leads from the chart of cell i to that of its parent. */
+typedef struct {
+    bw_cell *parent;
+    bw_transition *chart;
+    uint8_t *twisted; /* [cell]: reached with two different charts */
+} forest;
+
+/* The root of a cell, which becomes its parent; *chart leads to the root's chart. */
+static bw_cell find(forest *f, bw_cell x, bw_transition *chart) {
+    bw_cell root = x;
+    *chart = (bw_transition){{0, 0, 0}, 0};
+    for (; f->parent[root] != root; root = f->parent[root]) *chart = bw_transition_compose(&f->chart[root], chart);
+    bw_transition rest = *chart;
+    for (bw_cell next; f->parent[x] != root && x != root; x = next) {
+        bw_transition back = bw_transition_inverse(&f->chart[x]);
+        next = f->parent[x];
+        f->parent[x] = root;
+        f->chart[x] = rest;
+        rest = bw_transition_compose(&rest, &back);
     }
+    return root;
 }
 
-/* Blocks are numbered by their lowest cell. */
-static bw_status lay_out(bw_build *b) {
-    size_t cells = b->cells->cell_count, room = 0;
-    bw_complex *x = b->complex;
-    bw_cell *stack = bw_alloc(b->ctx, cells, sizeof *stack);
-    bw_status status = b->ctx->error.status;
-    for (size_t i = 0; i < cells && status == BW_OK; i++) x->cell_block[i] = BW_NONE;
-    for (size_t root = 0; root < cells && status == BW_OK; root++) {
-        if (x->cell_block[root] != BW_NONE) continue;
-        status = bw_reserve(b->ctx, &b->not_cuboid, &room, x->block_count + 1);
-        if (status == BW_OK) lay_out_block(b, (bw_cell)root, (bw_block)x->block_count++, stack);
-        if (status == BW_OK) status = bw_poll(b->ctx);
+/* Joins two cells that no wall separates. `across` leads from the chart of b to that of a. */
+static void join(forest *f, bw_cell a, bw_cell b, const bw_transition *across) {
+    bw_transition up[2], direct;
+    bw_cell root[2] = {find(f, a, &up[0]), find(f, b, &up[1])};
+    direct = bw_transition_compose(&up[0], across); /* from the chart of b to that of a's root */
+    if (root[0] == root[1]) {
+        if (!bw_transition_equal(&direct, &up[1])) f->twisted[a] = 1;
+        return;
     }
-    bw_free(b->ctx, stack);
+    bw_transition back = bw_transition_inverse(&up[1]);
+    direct = bw_transition_compose(&direct, &back);
+    int low = root[0] < root[1] ? 0 : 1;
+    f->parent[root[!low]] = root[low];
+    f->chart[root[!low]] = low == 0 ? direct : bw_transition_inverse(&direct);
+}
+
+/* Numbers the blocks by their lowest cells, and carries every cell's chart to that of the lowest. */
+static bw_status number_blocks(bw_build *b, const forest *f) {
+    bw_complex *x = b->complex;
+    for (size_t i = 0; i < x->cell_count; i++) {
+        bw_cell parent = f->parent[i]; /* lower, and done */
+        x->cell_block[i] = parent == (bw_cell)i ? (bw_block)x->block_count++ : x->cell_block[parent];
+        if (parent != (bw_cell)i) f->chart[i] = bw_transition_compose(&f->chart[parent], &f->chart[i]);
+    }
+    b->not_cuboid = bw_alloc(b->ctx, x->block_count, 1);
+    if (!b->not_cuboid) return b->ctx->error.status;
+    for (size_t i = 0; i < x->cell_count; i++) b->not_cuboid[x->cell_block[i]] |= f->twisted[i];
+    return BW_OK;
+}
+
+/* Cells that no wall separates are one block; if they give some cell two different charts it is a torus (or worse): not_cuboid. */
+static bw_status lay_out(bw_build *b) {
+    const bw_cells *c = b->cells;
+    forest f = {bw_alloc(b->ctx, c->cell_count, sizeof *f.parent), b->complex->cell_chart, bw_alloc(b->ctx, c->cell_count, 1)};
+    bw_status status = b->ctx->error.status;
+    for (size_t i = 0; i < c->cell_count && status == BW_OK; i++) f.parent[i] = (bw_cell)i;
+    for (size_t p = 0; p < c->polygon_count && status == BW_OK; p++) {
+        const bw_cell_polygon *q = &c->polygon[p];
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || q->flags & BW_WALL) continue;
+        bw_transition across = bw_cells_transition(c, (bw_polygon)p, q->cell[1]);
+        join(&f, q->cell[0], q->cell[1], &across);
+        if (p % 65536 == 0) status = bw_poll(b->ctx);
+    }
+    if (status == BW_OK) status = number_blocks(b, &f);
+    bw_free(b->ctx, f.parent), bw_free(b->ctx, f.twisted);
     return status;
 }
 
@@ -61,7 +83,8 @@ static bool first_cell_is_below(const bw_cells *c, bw_polygon p) {
     return true;
 }
 
-int bw_build_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *value) {
+/* Side 0..5 of the block of polygon->cell[slot] in which a wall polygon lies, and the plane's value in the block's chart. */
+static int find_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *value) {
     const bw_cells *c = b->cells;
     bw_cell cell = c->polygon[polygon].cell[slot], first = c->polygon[polygon].cell[0];
     bool below = first_cell_is_below(c, polygon);
@@ -90,7 +113,8 @@ static void find_boxes(bw_build *b) {
         for (int slot = 0; slot < 2 && c->polygon[p].cell[slot] != BW_NONE; slot++) {
             bw_block block = x->cell_block[c->polygon[p].cell[slot]];
             int64_t value, *end;
-            int side = bw_build_side(b, (bw_polygon)p, slot, &value);
+            int side = find_side(b, (bw_polygon)p, slot, &value);
+            b->polygon_side[p][slot] = (uint8_t)side;
             end = side & 1 ? &b->high[block][side >> 1] : &b->low[block][side >> 1];
             if (*end != INT64_MAX && *end != INT64_MIN && *end != value) b->not_cuboid[block] = 1;
             *end = value;

@@ -13,13 +13,14 @@ typedef struct {
     int64_t (*low)[3];      /* [block]: its box in its chart, before the low corner is moved to the origin */
     int64_t (*high)[3];
     uint8_t *not_cuboid;    /* [block] */
+    uint8_t (*polygon_side)[2]; /* [polygon]: the side of the block of cell[i] in which a wall polygon lies */
     bw_patch *polygon_patch; /* [polygon]; BW_NONE for those that are no walls */
     uint8_t *polygon_slot;  /* [polygon]: which of its cells is on side 0 of its patch */
 } bw_build;
 
 /* Nodes and arcs with their edges, lengths and flags (all but BW_ARC_T). */
 bw_status bw_build_arcs(bw_build *b);
-/* Blocks: cells, charts, boxes. */
+/* Blocks: cells, charts, boxes, and in which of their sides walls lie. */
 bw_status bw_build_blocks(bw_build *b);
 /* Patches with polygons, blocks and sides. */
 bw_status bw_build_patches(bw_build *b);
@@ -29,7 +30,5 @@ bw_status bw_build_chains(bw_build *b);
 /* Coordinates of a vertex in the chart of the block of `cell`, whose box starts at the origin; exact[k] tells whether coordinate k is an integer,
  * otherwise out[k] is its floor. */
 void bw_build_locate(const bw_build *b, bw_cvertex vertex, bw_cell cell, int64_t out[3], bool exact[3]);
-/* Side 0..5 of the block of polygon->cell[slot] in which a wall polygon lies, and the plane's value in the block's chart. */
-int bw_build_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *value);
 
 #endif

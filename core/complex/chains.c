@@ -65,77 +65,80 @@ static bw_status place(bw_build *b, bw_arc a, bw_cell cell, placement *out) {
 
 /* ---- patches ------------------------------------------------------------------------------------------------------- */
 
-/* Calls for every appearance of an arc on the rim of a patch: the half-edges of its polygons that are some arc's first edge. */
-typedef bw_status rim_visit(bw_build *b, bw_patch patch, bw_arc arc, const placement *at, void *user);
+/* An appearance of an arc on the rim of a patch. */
+typedef struct {
+    placement at; /* in the chart of the block on side 0 of the patch */
+    bw_patch patch;
+    bw_arc arc;
+} rim;
 
-static bw_status visit_rim(bw_build *b, bw_patch patch, rim_visit *visit, void *user) {
-    const bw_cells *c = b->cells;
-    const bw_complex *x = b->complex;
-    bw_status status = BW_OK;
-    for (size_t i = x->patch_polygon_begin[patch]; i < x->patch_polygon_begin[patch + 1]; i++) {
-        bw_polygon p = x->patch_polygon[i];
-        bw_half h = c->polygon[p].half;
-        do {
-            bw_arc a = b->edge_arc[c->half[h].edge];
-            placement at;
-            if (a != BW_NONE && x->arc_edge[x->arc_edge_begin[a]] == c->half[h].edge) {
-                status = place(b, a, c->polygon[p].cell[b->polygon_slot[p]], &at);
-                if (status == BW_OK) status = visit(b, patch, a, &at, user);
-                if (status != BW_OK) return status;
-            }
-            h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-    }
-    return status;
-}
+typedef struct {
+    rim *item;
+    size_t count, room;
+} rims;
 
 typedef struct {
     int64_t low[3], high[3];
 } box;
 
-static bw_status widen(bw_build *b, bw_patch patch, bw_arc arc, const placement *at, void *user) {
-    (void)b, (void)patch, (void)arc;
-    box *r = user;
+static void widen(box *r, const placement *at) {
     for (int k = 0; k < 3; k++) {
         int64_t low = k == at->axis ? at->start : at->at[k], high = k == at->axis ? at->end : at->at[k];
         if (low < r->low[k]) r->low[k] = low;
         if (high > r->high[k]) r->high[k] = high;
     }
+}
+
+/* All rims, from the walls around the first edge of each arc; extent[patch] becomes the box of its rim. */
+static bw_status collect_rims(bw_build *b, rims *list, box *extent) {
+    const bw_cells *c = b->cells;
+    const bw_complex *x = b->complex;
+    for (size_t p = 0; p < x->patch_count; p++)
+        for (int k = 0; k < 3; k++) extent[p].low[k] = INT64_MAX, extent[p].high[k] = INT64_MIN;
+    for (bw_arc a = 0; a < (bw_arc)x->arc_count; a++) {
+        bw_half head = c->edge[x->arc_edge[x->arc_edge_begin[a]]].half, h = head;
+        do {
+            bw_polygon p = c->half[h].polygon;
+            h = c->half[h].radial;
+            if (b->polygon_patch[p] == BW_NONE) continue;
+            bw_status status = bw_reserve(b->ctx, &list->item, &list->room, list->count + 1);
+            rim *r = &list->item[list->count];
+            if (status == BW_OK) status = place(b, a, c->polygon[p].cell[b->polygon_slot[p]], &r->at);
+            if (status != BW_OK) return status;
+            r->arc = a, r->patch = b->polygon_patch[p];
+            widen(&extent[r->patch], &r->at);
+            list->count++;
+        } while (h != head);
+    }
     return BW_OK;
 }
 
-typedef struct {
-    box extent;
-    appearances *list;
-} rim;
-
 /* Sides of a patch in the plane of axes u, v: 0: v low, 1: u high, 2: v high, 3: u low. */
-static bw_status add_to_side(bw_build *b, bw_patch patch, bw_arc arc, const placement *at, void *user) {
-    rim *r = user;
-    int normal = b->complex->patch_side[patch][0] >> 1, u = (normal + 1) % 3, v = (normal + 2) % 3;
-    if (at->axis == normal) return bw_fail(b->ctx, BW_E_CHECK, "arc %d on the rim of patch %d leaves its plane", arc, patch);
+static bw_status add_to_side(bw_build *b, appearances *list, const rim *r, const box *extent) {
+    const placement *at = &r->at;
+    int normal = b->complex->patch_side[r->patch][0] >> 1, u = (normal + 1) % 3, v = (normal + 2) % 3;
+    if (at->axis == normal) return bw_fail(b->ctx, BW_E_CHECK, "arc %d on the rim of patch %d leaves its plane", r->arc, r->patch);
     int across = at->axis == u ? v : u;
-    bool high = at->at[across] == r->extent.high[across];
-    if (!high && at->at[across] != r->extent.low[across])
-        return bw_fail(b->ctx, BW_E_CHECK, "patch %d is not a rectangle: arc %d crosses it", patch, arc);
+    bool high = at->at[across] == extent->high[across];
+    if (!high && at->at[across] != extent->low[across])
+        return bw_fail(b->ctx, BW_E_CHECK, "patch %d is not a rectangle: arc %d crosses it", r->patch, r->arc);
     int side = at->axis == u ? (high ? 2 : 0) : (high ? 1 : 3);
-    return add(b, r->list, (appearance){at->start, at->end, 4 * patch + side, 2 * arc + at->reversed});
+    return add(b, list, (appearance){at->start, at->end, 4 * r->patch + side, 2 * r->arc + at->reversed});
 }
 
-static bw_status collect_rims(bw_build *b, appearances *list, box *extent) {
+/* The appearances of arcs on the sides of patches, and how large these are. */
+static bw_status measure_patches(bw_build *b, appearances *list, box *extent) {
     bw_complex *x = b->complex;
-    bw_status status = BW_OK;
-    for (bw_patch p = 0; p < (bw_patch)x->patch_count && status == BW_OK; p++) {
-        rim r = {.list = list};
-        for (int k = 0; k < 3; k++) r.extent.low[k] = INT64_MAX, r.extent.high[k] = INT64_MIN;
-        status = visit_rim(b, p, widen, &r.extent);
-        if (status == BW_OK) status = visit_rim(b, p, add_to_side, &r);
-        extent[p] = r.extent;
-        memcpy(x->patch_low[p], r.extent.low, sizeof x->patch_low[p]);
+    rims all = {0};
+    bw_status status = collect_rims(b, &all, extent);
+    for (size_t i = 0; i < all.count && status == BW_OK; i++) status = add_to_side(b, list, &all.item[i], &extent[all.item[i].patch]);
+    bw_free(b->ctx, all.item);
+    for (size_t p = 0; p < x->patch_count && status == BW_OK; p++) {
+        memcpy(x->patch_low[p], extent[p].low, sizeof x->patch_low[p]);
         int normal = x->patch_side[p][0] >> 1;
-        for (int i = 0; i < 2 && status == BW_OK; i++) {
+        for (int i = 0; i < 2; i++) {
             int k = (normal + 1 + i) % 3;
-            x->patch_extent[p][i] = r.extent.high[k] - r.extent.low[k];
+            x->patch_extent[p][i] = extent[p].high[k] - extent[p].low[k];
         }
     }
     return status;
@@ -182,7 +185,7 @@ static bw_status build_patch_chains(bw_build *b) {
     box *extent = bw_alloc(b->ctx, n, sizeof *extent);
     int64_t(*range)[2] = bw_alloc(b->ctx, 4 * n, sizeof *range);
     static const uint8_t reversed[4] = {0, 0, 1, 1};
-    bw_status status = extent && range ? collect_rims(b, &list, extent) : b->ctx->error.status;
+    bw_status status = extent && range ? measure_patches(b, &list, extent) : b->ctx->error.status;
     for (size_t p = 0; p < n && status == BW_OK; p++)
         for (int s = 0; s < 4; s++) {
             int axis = ((x->patch_side[p][0] >> 1) + 1 + (s & 1)) % 3;

@@ -133,20 +133,21 @@ static bool is_inside(const checker *k, bw_cell cell, bw_cvertex vertex) {
     return true;
 }
 
-/* Every block lies in its box: a coordinate of its chart, which is one-to-one near every point inside, is largest and smallest on its walls, on
- * each of these at a vertex. */
+/* Every block lies in its box. A coordinate of its chart, which is one-to-one near every point inside, is largest and smallest on its walls; these are flat
+ * in the chart, so it is on their rims: on arcs. */
 static bw_status check_inside(const checker *k) {
     const bw_cells *c = k->cells;
-    for (size_t p = 0; p < c->polygon_count; p++) {
-        const bw_cell_polygon *q = &c->polygon[p];
-        for (int s = 0; s < 2 && q->half != BW_NONE && q->flags & BW_WALL && q->cell[s] != BW_NONE; s++) {
-            bw_half h = q->half;
-            do {
-                if (!is_inside(k, q->cell[s], c->half[h].origin))
-                    return VIOLATED(k, "wall polygon %zu leaves the box of block %d", p, k->x->cell_block[q->cell[s]]);
-                h = c->half[h].next;
-            } while (h != q->half);
-        }
+    for (size_t i = 0; i < k->x->arc_edge_begin[k->x->arc_count]; i++) {
+        const bw_cell_edge *e = &c->edge[k->x->arc_edge[i]];
+        bw_half h = e->half;
+        do {
+            for (int s = 0; s < 4; s++) {
+                bw_cell cell = c->polygon[c->half[h].polygon].cell[s >> 1];
+                if (cell != BW_NONE && !is_inside(k, cell, e->vertex[s & 1]))
+                    return VIOLATED(k, "an arc around block %d leaves its box in cell %d", k->x->cell_block[cell], cell);
+            }
+            h = c->half[h].radial;
+        } while (h != e->half);
     }
     return BW_OK;
 }

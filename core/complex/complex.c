@@ -36,13 +36,14 @@ bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *c
     b.vertex_node = bw_alloc(ctx, cells->vertex_count, sizeof *b.vertex_node);
     b.polygon_patch = bw_alloc(ctx, cells->polygon_count, sizeof *b.polygon_patch);
     b.polygon_slot = bw_alloc(ctx, cells->polygon_count, 1);
+    b.polygon_side = bw_alloc(ctx, cells->polygon_count, sizeof *b.polygon_side);
     bw_status status = ctx->error.status;
     if (status == BW_OK) status = bw_build_arcs(&b);
     if (status == BW_OK) status = bw_build_blocks(&b);
     if (status == BW_OK) status = list_tori(&b, tori);
     if (status == BW_OK && tori->count == 0) status = bw_build_patches(&b);
     if (status == BW_OK && tori->count == 0) status = bw_build_chains(&b);
-    void *scratch[] = {b.edge_arc, b.vertex_node, b.low, b.high, b.not_cuboid, b.polygon_patch, b.polygon_slot};
+    void *scratch[] = {b.edge_arc, b.vertex_node, b.low, b.high, b.not_cuboid, b.polygon_patch, b.polygon_slot, b.polygon_side};
     for (size_t i = 0; i < sizeof scratch / sizeof *scratch; i++) bw_free(ctx, scratch[i]);
     if (status != BW_OK) bw_complex_clear(ctx, complex);
     return status;

@@ -47,8 +47,7 @@ static bw_status describe(bw_build *b, bw_patch patch) {
         for (int s = 0; s < 2; s++) {
             int slot = b->polygon_slot[list[i]] ^ s;
             bw_block block = q->cell[slot] == BW_NONE ? BW_NONE : x->cell_block[q->cell[slot]];
-            int64_t value;
-            uint8_t side = block == BW_NONE ? 0 : (uint8_t)bw_build_side(b, list[i], slot, &value);
+            uint8_t side = block == BW_NONE ? 0 : b->polygon_side[list[i]][slot];
             if (i == 0) x->patch_block[patch][s] = block, x->patch_side[patch][s] = side;
             else if (x->patch_block[patch][s] != block || x->patch_side[patch][s] != side)
                 return bw_fail(b->ctx, BW_E_CHECK, "patch %d is not flat: its polygons lie in different sides of block %d", patch, block);
