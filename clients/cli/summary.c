@@ -20,7 +20,21 @@ static void count_line(const json_t *object, const char *const *keys, const char
     putchar('\n');
 }
 
-/* One line per state of the complex; "raw" is as traced. */
+/* How the reduced complex came about. `kind` is that of the raw one. */
+static void reduction(const json_t *reduced, const char *kind) {
+    const char *mode = json_string_value(json_object_get(reduced, "mode"));
+    const char *from = json_string_value(json_object_get(reduced, "from"));
+    const json_t *first = json_object_get(reduced, "blocks_farthest_first");
+    if (!mode) return;
+    printf("%-13s %s", "reduction", mode);
+    if (from && kind && strcmp(from, kind)) printf(", from the base complex");
+    printf(", effort %" JSON_INTEGER_FORMAT, json_integer_value(json_object_get(reduced, "effort")));
+    if (json_is_integer(first))
+        printf(" (farthest first: %" JSON_INTEGER_FORMAT " blocks)", json_integer_value(first));
+    putchar('\n');
+}
+
+/* One line per state of the complex; "raw" is as traced, "reduced" after walls were taken away. */
 static void complexes(const json_t *all) {
     static const char *const keys[] = {"blocks", "patches", "arcs", "t_arcs", "nodes", "torus_splits"};
     static const char *const words[] = {"blocks", "patches", "arcs", "T-arcs", "nodes", "tori split"};
@@ -34,6 +48,7 @@ static void complexes(const json_t *all) {
         printf("%-13s ", label);
         count_line(one, keys, words, sizeof keys / sizeof *keys);
     }
+    reduction(json_object_get(all, "reduced"), kind);
 }
 
 static void range_line(const char *label, const json_t *range, const char *what) {

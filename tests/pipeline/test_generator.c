@@ -19,7 +19,7 @@
 
 /* The sanitizers' runtimes, if this program is linked with one. */
 extern void __asan_init(void) __attribute__((weak));
-extern void __ubsan_handle_out_of_bounds(void) __attribute__((weak));
+extern void __ubsan_handle_out_of_bounds(void *, void *) __attribute__((weak));
 
 static size_t models_wanted(void) {
     const char *text = getenv("BW_GENERATOR_MODELS");

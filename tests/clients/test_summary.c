@@ -1,0 +1,98 @@
+/* The summary of a result shows the counts of its report: of the complex as traced, and of the reduced one.
+ */
+#include "kit/kit.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void run_blockwright(const char *const *arguments, kit_result *result) {
+    const char *argv[16] = {kit_program("blockwright")};
+    for (size_t i = 0; arguments[i]; i++) argv[i + 1] = arguments[i];
+    *result = kit_run(argv);
+    if (result->exit) print_message("%s", result->err);
+    assert_int_equal(result->exit, 0);
+}
+
+static const char *sample(void) {
+    const char *path = kit_temp_path("plate.hexex");
+    kit_result result;
+    run_blockwright((const char *[]){"sample", "plate", "--size", "1", "-o", path, NULL}, &result);
+    kit_result_clear(&result);
+    return path;
+}
+
+/* What `show` prints of a run with these options; free() it. */
+static char *shown(const char *folder, const char *reduce, const char *complex) {
+    kit_result result;
+    run_blockwright((const char *[]){"run", sample(), "--out", folder, "--reduce", reduce, "--complex",
+                                     complex, "--quiet", NULL},
+                    &result);
+    kit_result_clear(&result);
+    run_blockwright((const char *[]){"show", folder, NULL}, &result);
+    char *out = strdup(result.out);
+    kit_result_clear(&result);
+    return out;
+}
+
+static json_int_t count_of(const char *folder, const char *name, const char *what) {
+    char path[1024];
+    json_error_t error;
+    snprintf(path, sizeof path, "%s/report.json", folder);
+    json_t *root = json_load_file(path, 0, &error);
+    assert_non_null(root);
+    const json_t *value = json_object_get(json_object_get(json_object_get(root, "complex"), name), what);
+    json_int_t count = json_is_integer(value) ? json_integer_value(value) : -1;
+    json_decref(root);
+    return count;
+}
+
+/* The line that starts with `label` ("" if there is none) begins with this many blocks and has this many
+ * patches. */
+static void expect_line(const char *text, const char *label, json_int_t blocks, json_int_t patches) {
+    const char *line = strstr(text, label);
+    char expected[64], rest[256];
+    if (!line) fail_msg("no line '%s' in:\n%s", label, text);
+    snprintf(rest, sizeof rest, "%.*s", (int)strcspn(line, "\n"), line);
+    snprintf(expected, sizeof expected, "%-13s %lld blocks, %lld patches, ", label, (long long)blocks,
+             (long long)patches);
+    if (strncmp(rest, expected, strlen(expected)) != 0)
+        fail_msg("'%s' does not begin with '%s'", rest, expected);
+}
+
+static void raw_and_reduced_counts_are_shown(void **state) {
+    (void)state;
+    static const char *const modes[] = {"keep-singular", "full"}, *const complexes[] = {"mc", "bc"};
+    for (int i = 0; i < 2; i++) {
+        char label[32];
+        const char *folder = kit_temp_path("reduced-%d", i);
+        char *text = shown(folder, modes[i], complexes[i]);
+        snprintf(label, sizeof label, "%s, raw", complexes[i]);
+        expect_line(text, label, count_of(folder, "raw", "blocks"), count_of(folder, "raw", "patches"));
+        snprintf(label, sizeof label, "%s, reduced", complexes[i]);
+        expect_line(text, label, count_of(folder, "reduced", "blocks"),
+                    count_of(folder, "reduced", "patches"));
+        snprintf(label, sizeof label, "%-13s %s, effort 1 (", "reduction", modes[i]);
+        assert_non_null(strstr(text, label));
+        free(text);
+    }
+}
+
+static void without_reduction_nothing_is_said_of_it(void **state) {
+    (void)state;
+    const char *folder = kit_temp_path("none");
+    char *text = shown(folder, "none", "mc");
+    expect_line(text, "mc, raw", count_of(folder, "raw", "blocks"), count_of(folder, "raw", "patches"));
+    assert_null(strstr(text, "reduced"));
+    assert_null(strstr(text, "reduction"));
+    free(text);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(raw_and_reduced_counts_are_shown),
+        cmocka_unit_test(without_reduction_nothing_is_said_of_it),
+    };
+    return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
+}
