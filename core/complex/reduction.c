@@ -17,6 +17,7 @@ typedef struct {
 } patch_set;
 
 enum { GONE = 64, QUEUED = 128 };
+enum { STAYS = 1 << 30 }; /* walls around an arc that stays however few are left: singular or a feature */
 
 struct queued {
     int64_t key;
@@ -30,7 +31,8 @@ struct bw_reduction {
     int32_t *next_side;      /* [2 * patch + slot] ring of a block */
     int32_t *next_side_start;
     bw_transition *across;   /* [patch]: chart of patch_block[1] to that of patch_block[0] */
-    int32_t *walls, *walls_start; /* [arc]; 0 or less once the arc has vanished */
+    int32_t *walls, *walls_start; /* [arc]: those left, or about STAYS; 0 or less once the arc has vanished */
+    bool has_features;            /* some arc is one */
     size_t *rim_begin;       /* [arc + 1]: the patches around it, once per appearance */
     bw_patch *rim;
     struct queued *heap;
@@ -75,7 +77,11 @@ static void list_rims(bw_reduction *r) {
     const bw_complex *x = r->x;
     size_t uses = x->patch_chain_begin[4 * x->patch_count];
     for (size_t i = 0; i < uses; i++) r->rim_begin[(x->patch_chain[i] >> 1) + 2]++;
-    for (size_t a = 0; a < x->arc_count; a++) r->walls_start[a] = (int32_t)r->rim_begin[a + 2];
+    for (size_t a = 0; a < x->arc_count; a++) {
+        bool stays = x->arc_flags[a] & (BW_ARC_SINGULAR | BW_ARC_FEATURE);
+        r->walls_start[a] = stays ? STAYS : (int32_t)r->rim_begin[a + 2];
+        r->has_features = r->has_features || x->arc_flags[a] & BW_ARC_FEATURE;
+    }
     for (size_t a = 2; a < x->arc_count + 2; a++) r->rim_begin[a] += r->rim_begin[a - 1];
     for (size_t p = 0; p < x->patch_count; p++)
         for (size_t i = x->patch_chain_begin[4 * p]; i < x->patch_chain_begin[4 * p + 4]; i++)
@@ -327,7 +333,7 @@ static bool merge_patches(bw_reduction *r, bw_patch p, bw_patch q) {
     patch_set *x = &r->patch[a], *y = &r->patch[b];
     touch t = touching(r, a, 0), same[2] = {touching(r, b, 0), touching(r, b, 1)};
     int slot = same[0].block == t.block && same[0].side == t.side ? 0 : 1, axis = r->x->patch_side[a][0] >> 1;
-    if (same[slot].block != t.block || same[slot].side != t.side || feature_between(r, a, b)) return false;
+    if (same[slot].block != t.block || same[slot].side != t.side || (r->has_features && feature_between(r, a, b))) return false;
     int64_t low[3], high[3];
     rectangle_beside(r, b, slot, a, 0, low, high);
     for (int k = 0; k < 3; k++) {
@@ -345,20 +351,20 @@ static bool merge_patches(bw_reduction *r, bw_patch p, bw_patch q) {
     return true;
 }
 
-/* The two patches beside an arc that two walls pass flat; false if it is no such arc. */
-static bool flat_arc(bw_reduction *r, bw_arc a, bw_patch left[2]) {
-    if (r->walls[a] != 2 || r->x->arc_flags[a] & (BW_ARC_SINGULAR | BW_ARC_FEATURE)) return false;
+/* The two patches beside an arc that two walls pass flat. */
+static void beside_arc(bw_reduction *r, bw_arc a, bw_patch left[2]) {
     int n = 0;
-    for (size_t i = r->rim_begin[a]; i < r->rim_begin[a + 1] && n < 2; i++)
-        if (!(r->patch[find_patch(r, r->rim[i])].flags & GONE)) left[n++] = find_patch(r, r->rim[i]);
-    return n == 2;
+    for (size_t i = r->rim_begin[a]; n < 2; i++) {
+        left[n] = find_patch(r, r->rim[i]);
+        n += !(r->patch[left[n]].flags & GONE);
+    }
 }
 
 /* Makes an arc that two walls pass flat vanish, if the patches beside it have become one or can. The root of both if that was
  * just done, else BW_NONE. */
 static bw_patch dissolve_arc(bw_reduction *r, bw_arc a) {
     bw_patch left[2];
-    if (!flat_arc(r, a, left)) return BW_NONE;
+    beside_arc(r, a, left);
     bool merged = left[0] != left[1] && merge_patches(r, left[0], left[1]);
     if (merged || left[0] == left[1]) r->walls[a] = 0;
     return merged ? find_patch(r, left[0]) : BW_NONE;
@@ -366,12 +372,14 @@ static bw_patch dissolve_arc(bw_reduction *r, bw_arc a) {
 
 /* An arc that lost a wall. A patch that grew may now match its neighbours across arcs that had to stay before. */
 static void retest_arc(bw_reduction *r, bw_arc a) {
+    const bw_complex *x = r->x;
+    if (r->walls[a] != 2) return;
     for (bw_patch root = dissolve_arc(r, a), grown; root != BW_NONE; root = grown) {
         bw_patch p = root;
         grown = BW_NONE;
         do {
-            for (size_t i = r->x->patch_chain_begin[4 * p]; i < r->x->patch_chain_begin[4 * p + 4] && grown == BW_NONE; i++)
-                grown = dissolve_arc(r, r->x->patch_chain[i] >> 1);
+            for (size_t i = x->patch_chain_begin[4 * p]; i < x->patch_chain_begin[4 * p + 4] && grown == BW_NONE; i++)
+                if (r->walls[x->patch_chain[i] >> 1] == 2) grown = dissolve_arc(r, x->patch_chain[i] >> 1);
             p = r->patch[p].next;
         } while (p != root && grown == BW_NONE);
     }
@@ -425,8 +433,9 @@ bw_status bw_reduction_run(bw_context *ctx, bw_reduction *r, const bw_reduction_
     }
     for (size_t p = 0; p < x->patch_count; p++) removed[p] = (r->patch[find_patch(r, (bw_patch)p)].flags & GONE) != 0;
     for (size_t a = 0; a < x->arc_count && kept; a++) {
-        bw_patch left[2];
-        kept[a] = flat_arc(r, (bw_arc)a, left) && left[0] != left[1];
+        bw_patch left[2] = {BW_NONE, BW_NONE};
+        if (r->walls[a] == 2) beside_arc(r, (bw_arc)a, left);
+        kept[a] = left[0] != left[1];
     }
     *blocks = r->blocks;
     return bw_poll(ctx);
