@@ -145,8 +145,8 @@ static const struct {
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
     [BW_STAGE_SANITIZE] = {"sanitize", 2, run_sanitize},
-    [BW_STAGE_TRACE] = {"trace", 3, run_trace},
-    [BW_STAGE_BUILD] = {"build", 3, run_build},
+    [BW_STAGE_TRACE] = {"trace", 4, run_trace},
+    [BW_STAGE_BUILD] = {"build", 4, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 2, run_reduce},
     [BW_STAGE_ENCODE] = {"encode", 2, run_encode},
 };

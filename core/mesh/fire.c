@@ -10,9 +10,12 @@ struct bw_fire_entry {
     bw_cedge edge;
     bw_polygon from;
     uint8_t late;    /* 0: the edge lies inside a tet, its entry goes first */
-    uint8_t heading; /* 2 * axis + (1 if towards smaller values), chart of the first cell of `from` */
+    uint8_t heading; /* 2 * axis + (1 if towards smaller values), chart of the first cell of `from`; or EVERYWHERE */
 };
 typedef bw_fire_entry entry;
+
+/* The heading of fire that a point lit: it spreads in its plane to all sides, and its distance is the length of the way it took. */
+enum { EVERYWHERE = 6 };
 
 void bw_fire_init(bw_fire *fire, bw_context *ctx, bw_cells *cells, const bw_fire_rules *rules) {
     memset(fire, 0, sizeof *fire);
@@ -72,8 +75,20 @@ static int64_t lowest(const bw_cells *c, bw_cedge e, bw_tet tet, uint8_t heading
     return x[0] < x[1] ? x[0] : x[1];
 }
 
+/* How far apart two edges of one polygon are: of their low corners, along the axis where it is most. */
+static int64_t step_between(const bw_cells *c, bw_cedge from, bw_cedge to, bw_tet tet) {
+    int64_t most = 0;
+    for (uint8_t axis = 0; axis < 3; axis++) {
+        int64_t step = lowest(c, to, tet, (uint8_t)(2 * axis)) - lowest(c, from, tet, (uint8_t)(2 * axis));
+        if (step < 0) step = -step;
+        if (step > most) most = step;
+    }
+    return most;
+}
+
 /* A heading carried along a rotation. */
 static uint8_t turn(bw_rotation r, uint8_t heading) {
+    if (heading == EVERYWHERE) return heading;
     for (uint8_t i = 0; i < 3; i++)
         if (bw_rotation_axis[r][i] == heading >> 1)
             return (uint8_t)(2 * i + ((heading & 1) ^ (bw_rotation_sign[r][i] < 0)));
@@ -88,13 +103,14 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
     c->polygon[p].distance = distance;
     if (c->polygon[p].cell[0] != cell) heading = turn(bw_cells_transition(c, p, cell).rotation, heading);
     bw_tet tet = c->cell[c->polygon[p].cell[0]].tet;
-    int64_t base = lowest(c, edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge, tet, heading);
+    bw_cedge start = edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge;
+    int64_t base = heading == EVERYWHERE ? 0 : lowest(c, start, tet, heading);
     bw_half h = c->polygon[p].half;
     do {
         bw_cedge e = c->half[h].edge;
         if (e != edge && !bw_cells_edge_is_boundary(c, e) && !bw_cells_edge_is_singular(c, e)) {
-            entry x = {.distance = distance + lowest(c, e, tet, heading) - base, .age = f->age++, .edge = e, .from = p,
-                       .heading = heading};
+            int64_t step = heading == EVERYWHERE ? step_between(c, start, e, tet) : lowest(c, e, tet, heading) - base;
+            entry x = {.distance = distance + step, .age = f->age++, .edge = e, .from = p, .heading = heading};
             bw_status status = push(f, x);
             if (status != BW_OK) return status;
         }
@@ -223,11 +239,10 @@ static bw_status ignite_cell_at_vertex(bw_fire *f, bw_cell cell, bw_cvertex v, b
     bw_polygon section;
     bw_status status = limited_cut(f, cell, plane, &section);
     if (status != BW_OK || section == BW_NONE) return status;
-    uint8_t heading = (uint8_t)(2 * ((plane.axis + 1) % 3));
     for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
         bw_plane q = bw_cells_polygon_plane(c, p, c->cell[cell].tet);
         if (q.axis == plane.axis && q.value == plane.value && !(c->polygon[p].flags & BW_WALL) && polygon_has_vertex(c, p, v))
-            status = burn(f, p, BW_NONE, cell, 0, heading);
+            status = burn(f, p, BW_NONE, cell, 0, EVERYWHERE);
     }
     return status;
 }
