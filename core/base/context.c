@@ -73,9 +73,9 @@ void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size) {
     if (m->fail_at && ++m->calls >= m->fail_at) return refuse(ctx, bytes);
     if (bytes > before && m->limit && (m->used > m->limit || bytes - before > m->limit - m->used))
         return refuse(ctx, bytes - before);
-    header *now = realloc(old, whole);
+    header *now = old ? realloc(old, whole) : calloc(1, whole);
     if (!now) return refuse(ctx, bytes);
-    if (bytes > before) memset((char *)(now + 1) + before, 0, bytes - before);
+    if (old && bytes > before) memset((char *)(now + 1) + before, 0, bytes - before);
     now->bytes = bytes;
     m->used += bytes - before;
     if (m->used > m->peak) m->peak = m->used;
@@ -91,9 +91,18 @@ void bw_free(bw_context *ctx, void *block) {
     free(h);
 }
 
+bw_status bw_trim_(bw_context *ctx, void **items, size_t *capacity, size_t count, size_t size) {
+    if (count == *capacity) return BW_OK;
+    void *block = bw_resize(ctx, *items, count, size);
+    if (!block) return ctx->error.status;
+    *items = block;
+    *capacity = count;
+    return BW_OK;
+}
+
 bw_status bw_reserve_(bw_context *ctx, void **items, size_t *capacity, size_t need, size_t size) {
     if (need <= *capacity) return BW_OK;
-    size_t more = *capacity < 16 ? 16 : *capacity + *capacity / 2;
+    size_t more = *capacity < 16 ? 16 : *capacity + *capacity / (*capacity < 65536 ? 2 : 8); /* large blocks move by remapping */
     if (more < need) more = need;
     void *block = bw_resize(ctx, *items, more, size);
     if (!block) return ctx->error.status;

@@ -66,9 +66,12 @@ void *bw_alloc(bw_context *ctx, size_t count, size_t size);
 void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size);
 void bw_free(bw_context *ctx, void *block); /* NULL is fine */
 
-/* Growable array: makes room for `need` items in *items (item size given), at least doubling. */
+/* Growable array: makes room for `need` items in *items (item size given), and for half as many more as there were; an eighth, if that is many. */
 bw_status bw_reserve_(bw_context *ctx, void **items, size_t *capacity, size_t need, size_t size);
 #define bw_reserve(ctx, items, capacity, need)                                                                        \
     ((need) <= *(capacity) ? BW_OK : bw_reserve_((ctx), (void **)(items), (capacity), (need), sizeof **(items)))
+/* Gives back what a growable array has room for beyond its first `count` items. */
+bw_status bw_trim_(bw_context *ctx, void **items, size_t *capacity, size_t count, size_t size);
+#define bw_trim(ctx, items, capacity, count) bw_trim_((ctx), (void **)(items), (capacity), (count), sizeof **(items))
 
 #endif

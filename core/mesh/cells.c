@@ -9,7 +9,8 @@ enum { BELOW = 1, ABOVE = 2 }; /* sides of a plane on which something has vertic
 
 struct bw_cut_corner {
     bw_half half;
-    int sign; /* of its origin */
+    bw_cvertex origin;
+    int sign; /* of the origin */
 };
 
 struct bw_cut_face {
@@ -29,6 +30,18 @@ void bw_cells_clear(bw_context *ctx, bw_cells *cells) {
     bw_free(ctx, cells->polygon), bw_free(ctx, cells->cell);
     bw_free(ctx, cells->sign), bw_free(ctx, cells->face), bw_free(ctx, cells->corner);
     memset(cells, 0, sizeof *cells);
+}
+
+bw_status bw_cells_trim(bw_context *ctx, bw_cells *c) {
+    bw_status s = bw_trim(ctx, &c->vertex, &c->vertex_room, c->vertex_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->edge, &c->edge_room, c->edge_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->half, &c->half_room, c->half_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->polygon, &c->polygon_room, c->polygon_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->cell, &c->cell_room, c->cell_count);
+    bw_free(ctx, c->sign), bw_free(ctx, c->face), bw_free(ctx, c->corner);
+    c->sign = NULL, c->face = NULL, c->corner = NULL;
+    c->sign_room = c->face_room = c->corner_room = 0;
+    return s;
 }
 
 /* Room for a sign of every vertex there is room for. */
@@ -202,29 +215,43 @@ typedef struct {
 
 static unsigned side_of(int sign) { return sign < 0 ? BELOW : sign > 0 ? ABOVE : 0; }
 
-/* Collects the cell's polygons, and their half-edges with the sign of each origin. */
-static bw_status classify(bw_context *ctx, bw_cells *c, cut *k) {
-    bw_status status = c->sign_room < c->vertex_count ? make_room_for_signs(ctx, c) : BW_OK;
+/* The three steps of looking at a cell. Each touches memory all over the place and tells the processor what the next will need. */
+static bw_status collect_faces(bw_context *ctx, bw_cells *c, cut *k) {
     bw_polygon p = c->cell[k->cell].first;
-    for (; status == BW_OK; p = bw_cells_next_in_cell(c, p, k->cell), k->faces++) {
-        status = bw_reserve(ctx, &c->face, &c->face_room, k->faces + 1);
+    for (;; p = bw_cells_next_in_cell(c, p, k->cell), k->faces++) {
+        bw_status status = bw_reserve(ctx, &c->face, &c->face_room, k->faces + 1);
         if (status != BW_OK) return status;
-        face *f = &c->face[k->faces];
-        *f = (face){.polygon = p, .begin = (uint32_t)k->corners, .part = BW_NONE};
-        if (p == BW_NONE) break;
-        bw_half h = c->polygon[p].half;
+        c->face[k->faces] = (face){.polygon = p, .part = BW_NONE};
+        if (p == BW_NONE) return BW_OK;
+        __builtin_prefetch(&c->half[c->polygon[p].half]);
+    }
+}
+
+static bw_status collect_corners(bw_context *ctx, bw_cells *c, cut *k) {
+    for (face *f = c->face; f < c->face + k->faces; f++) {
+        f->begin = (uint32_t)k->corners;
+        bw_half first = c->polygon[f->polygon].half, h = first;
         do {
-            status = bw_reserve(ctx, &c->corner, &c->corner_room, k->corners + 1);
+            bw_status status = bw_reserve(ctx, &c->corner, &c->corner_room, k->corners + 1);
             if (status != BW_OK) return status;
             bw_cvertex v = c->half[h].origin;
-            if (c->sign[v] == UNKNOWN) c->sign[v] = (int8_t)bw_cells_side(c, v, k->tet, k->plane);
-            c->corner[k->corners++] = (corner){h, c->sign[v]};
-            f->sides |= side_of(c->sign[v]);
+            c->corner[k->corners++] = (corner){h, v, 0};
+            __builtin_prefetch(&c->sign[v]);
+            __builtin_prefetch(&c->vertex[v]);
             h = c->half[h].next;
-        } while (h != c->polygon[p].half);
-        k->sides |= f->sides;
+        } while (h != first);
     }
-    return status;
+    c->face[k->faces].begin = (uint32_t)k->corners;
+    return BW_OK;
+}
+
+static void classify(bw_cells *c, cut *k) {
+    for (face *f = c->face; f < c->face + k->faces; k->sides |= f->sides, f++)
+        for (corner *x = c->corner + f->begin; x < c->corner + f[1].begin; x++) {
+            if (c->sign[x->origin] == UNKNOWN) c->sign[x->origin] = (int8_t)bw_cells_side(c, x->origin, k->tet, k->plane);
+            x->sign = c->sign[x->origin];
+            f->sides |= side_of(x->sign);
+        }
 }
 
 /* The corner after corner i of a face. */
@@ -340,7 +367,10 @@ bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane 
     cut k = {.cell = cell, .tet = cells->cell[cell].tet, .plane = plane};
     size_t vertices = cells->vertex_count;
     *section = BW_NONE;
-    bw_status status = classify(ctx, cells, &k);
+    bw_status status = cells->sign_room < vertices ? make_room_for_signs(ctx, cells) : BW_OK;
+    if (status == BW_OK) status = collect_faces(ctx, cells, &k);
+    if (status == BW_OK) status = collect_corners(ctx, cells, &k);
+    if (status == BW_OK) classify(cells, &k);
     if (status == BW_OK && k.sides == (BELOW | ABOVE)) {
         status = make_room(ctx, cells, k.faces, k.corners);
         if (status == BW_OK) status = split_crossed_edges(ctx, cells, &k);
@@ -356,7 +386,7 @@ bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane 
         for (size_t i = 0; i < k.faces; i++)
             if (!cells->face[i].sides) *section = cells->face[i].polygon;
     }
-    for (size_t i = 0; i < k.corners; i++) cells->sign[cells->half[cells->corner[i].half].origin] = UNKNOWN;
+    for (size_t i = 0; i < k.corners; i++) cells->sign[cells->corner[i].origin] = UNKNOWN;
     for (size_t v = vertices; v < cells->vertex_count; v++) cells->sign[v] = UNKNOWN;
     return status;
 }

@@ -100,6 +100,8 @@ typedef struct {
  * Boundary polygons get BW_WALL | BW_BOUNDARY. */
 bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mesh, const bw_grid_map *map);
 void bw_cells_clear(bw_context *ctx, bw_cells *cells);
+/* Gives back the room for further cuts, which take it anew. */
+bw_status bw_cells_trim(bw_context *ctx, bw_cells *cells);
 
 /* Sign of (coordinate of vertex - plane), plane in the chart of `tet`; the vertex lies in the closed tet. Exact. */
 int bw_cells_side(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, bw_plane plane);

@@ -94,5 +94,5 @@ bw_status bw_trace(bw_context *ctx, bw_cells *cells, bw_complex_kind kind, uint6
     if (status == BW_OK) status = ignite_feature_vertices(&fire);
     if (status == BW_OK) status = bw_fire_run(&fire);
     bw_fire_clear(&fire);
-    return status;
+    return status == BW_OK ? bw_cells_trim(ctx, cells) : status;
 }
