@@ -59,9 +59,10 @@ static bw_vertex vertex_without_arcs(const bw_cells *c, const bw_complex *x, bw_
             bw_half h = c->polygon[p].half;
             do {
                 const bw_cell_vertex *v = &c->vertex[c->half[h].origin];
-                bw_plane plane = bw_cells_polygon_plane(c, p, *tet);
-                *axes = 7u & ~(1u << plane.axis);
-                if (c->polygon[p].flags & BW_WALL && v->kind == BW_IN_VERTEX) return v->carrier;
+                if (c->polygon[p].flags & BW_WALL && v->kind == BW_IN_VERTEX) {
+                    *axes = 7u & ~(1u << bw_cells_polygon_plane(c, p, *tet).axis);
+                    return v->carrier;
+                }
                 h = c->half[h].next;
             } while (h != c->polygon[p].half);
         }
