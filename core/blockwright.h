@@ -32,7 +32,7 @@ typedef struct {
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     bool vtk;            /* encode also writes the complex as a multi-block VTK data set */
     const char *parameters; /* side file with the parameters of a Medit mesh; NULL: none. A path, borrowed; no JSON option */
-    uint64_t max_cells;  /* work limit of trace: cells of the cut complex (BW_E_LIMIT beyond) */
+    uint64_t max_cells;  /* work limit of trace and build: cells that cuts add to the tets (BW_E_LIMIT beyond) */
 } bw_options;
 
 void bw_options_defaults(bw_options *options);

@@ -83,7 +83,7 @@ typedef struct {
 static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw_state *state, const bw_reduce_options *how,
                                   alternative *other) {
     bw_context apart = *ctx; /* its own error; the same budget, handed back below */
-    uint64_t limit = 8 * (uint64_t)state->cells.cell_count;
+    uint64_t limit = 8 * (uint64_t)state->cells.cell_count - state->mesh.tet_count; /* all that are not there before the first cut */
     if (limit > options->max_cells) limit = options->max_cells;
     bw_build_options build = {limit, how->split_self_adjacent};
     bw_status status = bw_cells_init(&apart, &other->cells, &state->mesh, &state->map);

@@ -34,7 +34,7 @@ typedef struct {
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
      "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \
     {"max-cells", 0, CLI_INTEGER, offsetof(settings, job.max_cells), "N",                                    \
-     "work limit of trace, in cells of the cut complex", 1, 2e9}
+     "work limit: cells that cuts may add to the tets of the input (default 4000000)", 1, 2e9}
 /* clang-format on */
 
 /* The options that were given, as the JSON object that jobs carry. Owned by the caller; NULL if out of

@@ -120,10 +120,11 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
 }
 
 static bw_status limited_cut(bw_fire *f, bw_cell cell, bw_plane plane, bw_polygon *section) {
-    if (f->cells->cell_count >= f->rules.max_cells)
-        return bw_fail(f->ctx, BW_E_LIMIT, "the walls cut the mesh into more than %llu cells; raise --max-cells if the "
-                       "parametrization's iso-surfaces really are that long", (unsigned long long)f->rules.max_cells);
-    return bw_cells_cut(f->ctx, f->cells, cell, plane, section);
+    bw_status status = bw_cells_cut(f->ctx, f->cells, cell, plane, section);
+    if (status == BW_OK && f->cells->cell_count - f->cells->mesh->tet_count > f->rules.max_cells)
+        status = bw_fail(f->ctx, BW_E_LIMIT, "the walls' cuts add more than %llu cells to the mesh; raise --max-cells if the "
+                         "parametrization's iso-surfaces really are that long", (unsigned long long)f->rules.max_cells);
+    return status;
 }
 
 /* ---- ignition ------------------------------------------------------------------------------------------------------ */

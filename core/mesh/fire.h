@@ -21,7 +21,7 @@ typedef struct bw_fire_entry bw_fire_entry;
 typedef struct {
     bool stops_at_walls; /* false: the alive test is left out, which gives the base complex (MC 2) */
     uint8_t flags;       /* set on burnt polygons besides BW_WALL */
-    uint64_t max_cells;  /* BW_E_LIMIT beyond */
+    uint64_t max_cells;  /* that cuts may add to those of the tets; BW_E_LIMIT beyond */
 } bw_fire_rules;
 
 typedef struct {

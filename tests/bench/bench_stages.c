@@ -33,7 +33,7 @@ static const char usage[] =
     "      --refine L                           each input also refined 1..L times, 1:8 each, with the "
     "growth\n"
     "      --compare                            each input as mc and as bc, with the ratios bc / mc\n"
-    "      --max-cells N                        work limit of trace\n"
+    "      --max-cells N                        work limit: cells that cuts add\n"
     "      --threads N                          (default 1)\n"
     "  -h, --help\n";
 
