@@ -1,4 +1,4 @@
-/* Who may include whom (core/README.md): base <- exact <- solve, mesh <- complex <- format, stage <- pipeline.
+/* Who may include whom (core/README.md): base <- exact <- solve, mesh <- complex <- quantize <- format, stage <- pipeline.
  *
  * Read from the #include lines of all sources. A folder may include itself and the folders before it; solve and mesh, and
  * format and stage, stand side by side. No stage includes another. The daemon includes nothing of core but base/status; only the
@@ -21,8 +21,9 @@ static const layer layers[] = {
     {"solve", " base exact "},
     {"mesh", " base exact "},
     {"complex", " base exact solve mesh "},
-    {"format", " base exact solve mesh complex "},
-    {"stage", " base exact solve mesh complex format "}, /* stages read and write through format */
+    {"quantize", " base exact solve mesh complex "},
+    {"format", " base exact solve mesh complex quantize "},
+    {"stage", " base exact solve mesh complex quantize format "}, /* stages read and write through format */
 };
 
 static const layer *layer_of(const char *folder, size_t length) {
@@ -137,6 +138,9 @@ static void includes_that_break_a_rule_are_seen(void **state) {
     assert_non_null(core_fault("base", "context.c", "mesh/tetmesh.h"));
     assert_non_null(core_fault("solve", "linear.c", "mesh/tetmesh.h"));
     assert_non_null(core_fault("complex", "complex.c", "format/hexex.h"));
+    assert_non_null(core_fault("quantize", "model.c", "format/state.h"));
+    assert_non_null(core_fault("complex", "complex.c", "quantize/model.h"));
+    assert_null(core_fault("format", "state.h", "quantize/model.h"));
     assert_non_null(core_fault("format", "hexex.c", "stage/trace.h"));
     assert_non_null(core_fault("stage", "build.c", "stage/trace.h"));
     assert_non_null(core_fault("mesh", "tetmesh.c", "blockwright.h"));
