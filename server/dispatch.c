@@ -151,7 +151,7 @@ static int open_input(bw_dispatch *d, const bw_job *job, const json_t *options) 
     char key[BW_SHA256_TEXT];
     uint64_t bytes;
     if (job->stage == 0) return bw_store_open_blob(d->store, job->input, &bytes);
-    if (!bw_cache_key(job->input, options, job->stage - 1, key)) return -1;
+    if (!bw_cache_key(job->input, job->parameters, options, job->stage - 1, key)) return -1;
     return bw_store_open_cached(d->store, key, NULL, &bytes);
 }
 
@@ -159,23 +159,29 @@ static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char
 
 /* Asks the spawner for the worker of a claimed job. What cannot be had is a system failure of the attempt. */
 static bw_status launch(bw_dispatch *d, slot *s, const json_t *options) {
+    bool wants_parameters = s->job.stage == 0 && *s->job.parameters;
+    uint64_t bytes;
     int pair[2] = {-1, -1}, folder = -1, input = open_input(d, &s->job, options);
+    int parameters = wants_parameters ? bw_store_open_blob(d->store, s->job.parameters, &bytes) : -1;
     bw_spawn spawn = {.token = s->token, .attempt = s->job.attempt, .memory = d->config->stage_memory,
                       .file_size = d->config->stage_output, .cpu_seconds = d->config->stage_cpu_seconds};
     snprintf(spawn.job, sizeof spawn.job, "%s", s->job.id);
     snprintf(spawn.stage, sizeof spawn.stage, "%s", stage_of(s)->name);
     snprintf(spawn.options, sizeof spawn.options, "%s", s->job.options);
     s->log = bw_store_append_log(d->store, s->job.id);
-    bool ready = input >= 0 && s->log >= 0 && strlen(s->job.options) < sizeof spawn.options &&
+    bool there = input >= 0 && (parameters >= 0 || !wants_parameters);
+    bool ready = there && s->log >= 0 && strlen(s->job.options) < sizeof spawn.options &&
                  bw_attempt_begin(d->store, s->job.id, s->job.attempt, &folder) == BW_OK &&
                  socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) == 0;
-    bw_status status = ready ? bw_spawner_spawn(d->spawner, &spawn, pair[1], input, s->log, folder) : BW_OK;
+    bw_spawn_files files = {pair[1], input, s->log, folder, parameters};
+    bw_status status = ready ? bw_spawner_spawn(d->spawner, &spawn, &files) : BW_OK;
     if (input >= 0) close(input);
+    if (parameters >= 0) close(parameters);
     if (folder >= 0) close(folder);
     if (pair[1] >= 0) close(pair[1]);
     s->channel = pair[0];
     if (ready) return status;
-    return give_up(d, s, BW_PROBLEM_IO, input < 0 ? "the input of the stage is gone" : "cannot prepare the attempt", NULL);
+    return give_up(d, s, BW_PROBLEM_IO, !there ? "the input of the stage is gone" : "cannot prepare the attempt", NULL);
 }
 
 static bool key_is_busy(const bw_dispatch *d, const char *key) {
@@ -235,7 +241,7 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job) {
         char key[BW_SHA256_TEXT];
         bool cached;
         slot *s = free_slot(d);
-        if (!bw_cache_key(job->input, options, job->stage, key) || key_is_busy(d, key)) break;
+        if (!bw_cache_key(job->input, job->parameters, options, job->stage, key) || key_is_busy(d, key)) break;
         status = is_cached(d, key, &cached);
         if (status != BW_OK || (!cached && !s)) break;
         if (!cached) {

@@ -36,7 +36,8 @@ static const char *const migrations[] = {
     " PRIMARY KEY (job, attempt)) WITHOUT ROWID;"
     "CREATE INDEX attempts_open ON attempts(job) WHERE finished = 0;"
     "CREATE TABLE outputs (key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, manifest TEXT, created INTEGER NOT NULL)"
-    " WITHOUT ROWID;"};
+    " WITHOUT ROWID;",
+    "ALTER TABLE jobs ADD COLUMN parameters TEXT NOT NULL DEFAULT '';"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which the partial index above spells out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&
@@ -180,7 +181,7 @@ bool bw_queue_healthy(bw_queue *q) {
 
 #define JOB_COLUMNS                                                                                                    \
     "seq, id, input, result_key, state, open, cancel, stage, stage_count, attempt, tries, created, started, finished," \
-    " name, options, failure"
+    " name, options, failure, parameters"
 
 static char *copy_text(sqlite3_stmt *stmt, int column) {
     const unsigned char *text = sqlite3_column_text(stmt, column);
@@ -211,6 +212,7 @@ static void read_job(sqlite3_stmt *stmt, bw_job *job) {
     job->name = copy_text(stmt, 14);
     job->options = copy_text(stmt, 15);
     job->failure = copy_text(stmt, 16);
+    put_text(job->parameters, sizeof job->parameters, stmt, 17);
 }
 
 void bw_job_clear(bw_job *job) {
@@ -340,9 +342,9 @@ bw_status bw_queue_waiting(bw_queue *q, int64_t now, int64_t after_seq, int limi
 bw_status bw_queue_insert(bw_queue *q, bw_job *job) {
     bw_status status = begin(q);
     if (status == BW_OK)
-        status = run(q, NULL, "INSERT INTO jobs (id, name, input, options, state, stage_count, created)"
-                     " VALUES (?, ?, ?, ?, 0, ?, ?)", "ssssii", job->id, job->name, job->input, job->options,
-                     (int64_t)job->stage_count, job->created);
+        status = run(q, NULL, "INSERT INTO jobs (id, name, input, parameters, options, state, stage_count, created)"
+                     " VALUES (?, ?, ?, ?, ?, 0, ?, ?)", "sssssii", job->id, job->name, job->input, job->parameters,
+                     job->options, (int64_t)job->stage_count, job->created);
     if (status == BW_OK) job->seq = sqlite3_last_insert_rowid(q->writer);
     return end(q, status);
 }

@@ -43,6 +43,7 @@ typedef struct {
     int64_t seq; /* order of acceptance */
     char id[BW_JOB_ID_TEXT];
     char input[BW_SHA256_TEXT];
+    char parameters[BW_SHA256_TEXT]; /* "": none */
     char result_key[BW_SHA256_TEXT]; /* cache key of the result folder; "" until there is one */
     bw_job_state state;
     bool open, cancel;
@@ -70,7 +71,7 @@ bw_status bw_queue_open(const char *path, bw_queue **queue);
 void bw_queue_close(bw_queue *queue);
 bool bw_queue_healthy(bw_queue *queue); /* a read works and the last write did not fail */
 
-/* Durable when it returns. Uses id, name, input, options, stage_count, created; sets seq. */
+/* Durable when it returns. Uses id, name, input, parameters, options, stage_count, created; sets seq. */
 bw_status bw_queue_insert(bw_queue *queue, bw_job *job);
 bw_status bw_queue_get(bw_queue *queue, const char *id, bw_job *job, bool *found);
 /* Newest first, seq below `before` (0: from the newest), only `state` unless it is -1. */

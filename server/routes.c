@@ -127,6 +127,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
                           "stage_count", job->stage_count, "progress", job_progress(r, job));
     if (!o) return NULL;
     if (job->name) json_object_set_new(o, "name", json_string(job->name));
+    if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());
     json_object_set_new(o, "options", json_loads(job->options, 0, NULL));
     set_time(o, "created", job->created);
@@ -161,35 +162,46 @@ static void create_begin(bw_request *r) {
         bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "a job is described as %s", json);
 }
 
+static bool is_member(const char *key) {
+    static const char *const members[] = {"input", "parameters", "name", "options"};
+    for (size_t i = 0; i < sizeof members / sizeof *members; i++)
+        if (strcmp(key, members[i]) == 0) return true;
+    return false;
+}
+
+/* A member that names a blob; false after a reply. */
+static bool read_hash(bw_request *r, const json_t *body, const char *member, char hash[BW_SHA256_TEXT]) {
+    const char *text = json_string_value(json_object_get(body, member));
+    if (text && bw_is_sha256(text)) memcpy(hash, text, BW_SHA256_TEXT);
+    else bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
+    return *hash;
+}
+
 /* The members of the body; false after a reply. `given` borrows from body. */
 static bool read_job(bw_request *r, json_t *body, bw_job *job, const json_t **given) {
     const char *key;
     json_t *value, *name = json_object_get(body, "name");
-    const char *input = json_string_value(json_object_get(body, "input"));
     json_object_foreach(body, key, value) {
-        if (strcmp(key, "input") == 0 || strcmp(key, "name") == 0 || strcmp(key, "options") == 0) continue;
+        if (is_member(key)) continue;
         bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "there is no member '%.60s'", key);
         return false;
     }
-    if (!input || !bw_is_sha256(input)) {
-        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "'input' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f");
-        return false;
-    }
+    if (!read_hash(r, body, "input", job->input)) return false;
+    if (json_object_get(body, "parameters") && !read_hash(r, body, "parameters", job->parameters)) return false;
     if (name && (!json_is_string(name) || json_string_length(name) > NAME_BYTES_MOST)) {
         bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "'name' must be a string of at most %d bytes", NAME_BYTES_MOST);
         return false;
     }
-    snprintf(job->input, sizeof job->input, "%s", input);
     if (name) job->name = strdup(json_string_value(name));
     *given = json_object_get(body, "options");
     return true;
 }
 
-static bool input_is_there(bw_request *r, const char *sha256) {
+static bool is_uploaded(bw_request *r, const char *member, const char *sha256) {
     uint64_t bytes;
     int fd = bw_store_open_blob(r->services->store, sha256, &bytes);
     if (fd >= 0) close(fd);
-    else bw_reply_problem(r, BW_PROBLEM_UNKNOWN_INPUT, "upload the input first: PUT /v1/blobs/%s", sha256);
+    else bw_reply_problem(r, BW_PROBLEM_UNKNOWN_INPUT, "upload the %s first: PUT /v1/blobs/%s", member, sha256);
     return fd >= 0;
 }
 
@@ -223,7 +235,7 @@ static void job_create(bw_request *r) {
     } else if (read_job(r, body, &job, &given)) {
         if (!bw_joboptions_check(given, &all, detail, sizeof detail))
             bw_reply_problem(r, BW_PROBLEM_INVALID_OPTION, "%s", detail);
-        else if (input_is_there(r, job.input))
+        else if (is_uploaded(r, "input", job.input) && (!*job.parameters || is_uploaded(r, "parameters", job.parameters)))
             accept_job(r, &job, all);
     }
     json_decref(all);

@@ -20,7 +20,8 @@
 #include "server/log.h"
 #include "server/worker_proto.h"
 
-enum { FD_CHANNEL, FD_INPUT, FD_LOG, FD_FOLDER, FD_COUNT };
+enum { FD_CHANNEL, FD_INPUT, FD_LOG, FD_FOLDER, FD_PARAMETERS, FD_MOST };
+enum { FD_LEAST = FD_PARAMETERS }; /* the last may be missing */
 enum { WORKERS_MOST = 1024, EXTRA_ADDRESS_SPACE = 512 << 20, CPU_GRACE_SECONDS = 5, FILES_MOST = 64 };
 
 typedef struct {
@@ -82,25 +83,26 @@ static void confine(const bw_spawn *s, pid_t parent) {
 }
 
 /* Moves the descriptors to their places; all others are closed. */
-static void arrange(const int fds[FD_COUNT]) {
-    int high[FD_COUNT];
-    for (int i = 0; i < FD_COUNT; i++)
+static void arrange(const int *fds, int count) {
+    int high[FD_MOST], last = count > FD_PARAMETERS ? BW_WORKER_PARAMETERS : BW_WORKER_INPUT;
+    for (int i = 0; i < count; i++)
         if ((high[i] = fcntl(fds[i], F_DUPFD, 64)) < 0) _exit(127);
     int null = open("/dev/null", O_RDONLY);
     if (null < 0 || dup2(null, 0) < 0 || dup2(high[FD_LOG], 1) < 0 || dup2(high[FD_LOG], 2) < 0 ||
         dup2(high[FD_CHANNEL], BW_WORKER_CHANNEL) < 0 || dup2(high[FD_INPUT], BW_WORKER_INPUT) < 0 ||
-        fchdir(high[FD_FOLDER]) != 0 || close_range(BW_WORKER_INPUT + 1, ~0u, 0) != 0)
+        (count > FD_PARAMETERS && dup2(high[FD_PARAMETERS], BW_WORKER_PARAMETERS) < 0) || fchdir(high[FD_FOLDER]) != 0 ||
+        close_range((unsigned)last + 1, ~0u, 0) != 0)
         _exit(127);
 }
 
-static void become_worker(const spawner *s, const bw_spawn *spawn, const int fds[FD_COUNT], pid_t parent) {
+static void become_worker(const spawner *s, const bw_spawn *spawn, const int *fds, int count, pid_t parent) {
     char memory[24], attempt[16];
     snprintf(memory, sizeof memory, "%" PRIu64, spawn->memory);
     snprintf(attempt, sizeof attempt, "%d", spawn->attempt);
     char *argv[] = {(char *)s->worker, "--stage", (char *)spawn->stage, "--options", (char *)spawn->options, "--memory",
                     memory, "--job", (char *)spawn->job, "--attempt", attempt, NULL};
     char *env[] = {"LC_ALL=C", "PATH=/usr/bin:/bin", NULL};
-    arrange(fds);
+    arrange(fds, count);
     confine(spawn, parent);
     execve(s->worker, argv, env);
     dprintf(2, "cannot run %s: errno %d\n", s->worker, errno);
@@ -113,13 +115,13 @@ static void report(const spawner *s, const bw_spawn_report *r) {
     while (send(s->socket, r, sizeof *r, MSG_NOSIGNAL) < 0 && errno == EINTR) continue;
 }
 
-static void start_worker(spawner *s, const bw_spawn *spawn, const int fds[FD_COUNT]) {
+static void start_worker(spawner *s, const bw_spawn *spawn, const int *fds, int count) {
     bw_spawn_report r = {.kind = BW_WORKER_STARTED, .token = spawn->token, .pid = -1};
     child *c = s->children;
     while (c < s->children + WORKERS_MOST && c->pid) c++;
     pid_t self = getpid();
     if (c < s->children + WORKERS_MOST) r.pid = fork();
-    if (r.pid == 0) become_worker(s, spawn, fds, self);
+    if (r.pid == 0) become_worker(s, spawn, fds, count, self);
     if (r.pid > 0) {
         c->token = spawn->token;
         c->pid = r.pid;
@@ -164,7 +166,7 @@ static int reap(spawner *s, bool wait) {
 /* False: the daemon is gone. */
 static bool serve(spawner *s) {
     request req;
-    int fds[FD_COUNT];
+    int fds[FD_MOST], count = 0;
     union {
         struct cmsghdr align;
         char space[CMSG_SPACE(sizeof fds)];
@@ -178,10 +180,11 @@ static bool serve(spawner *s) {
     struct cmsghdr *c = CMSG_FIRSTHDR(&message);
     if (req.signal) {
         signal_workers(s, req.spawn.token, req.signal);
-    } else if (c && c->cmsg_type == SCM_RIGHTS && c->cmsg_len == CMSG_LEN(sizeof fds)) {
-        memcpy(fds, CMSG_DATA(c), sizeof fds);
-        start_worker(s, &req.spawn, fds);
-        for (int i = 0; i < FD_COUNT; i++) close(fds[i]);
+    } else if (c && c->cmsg_type == SCM_RIGHTS) {
+        count = (int)((c->cmsg_len - CMSG_LEN(0)) / sizeof *fds); /* no more than there is space for */
+        memcpy(fds, CMSG_DATA(c), (size_t)count * sizeof *fds);
+        if (count >= FD_LEAST) start_worker(s, &req.spawn, fds, count);
+        for (int i = 0; i < count; i++) close(fds[i]);
     }
     return true;
 }
@@ -255,33 +258,34 @@ bw_status bw_spawner_wait_ready(int socket, int seconds) {
     return bw_spawner_report(socket, &r, &gone) && r.kind == BW_SPAWNER_READY ? BW_OK : BW_E_IO;
 }
 
-static bw_status ask(int socket, const request *req, const int *fds) {
+static bw_status ask(int socket, const request *req, const int *fds, size_t count) {
     union {
         struct cmsghdr align;
-        char space[CMSG_SPACE(FD_COUNT * sizeof(int))];
+        char space[CMSG_SPACE(FD_MOST * sizeof(int))];
     } control;
     struct iovec part = {(void *)req, sizeof *req};
     struct msghdr message = {.msg_iov = &part, .msg_iovlen = 1};
-    if (fds) {
+    if (count) {
         memset(&control, 0, sizeof control);
         message.msg_control = &control;
-        message.msg_controllen = sizeof control;
+        message.msg_controllen = CMSG_SPACE(count * sizeof(int));
         struct cmsghdr *c = CMSG_FIRSTHDR(&message);
         c->cmsg_level = SOL_SOCKET;
         c->cmsg_type = SCM_RIGHTS;
-        c->cmsg_len = CMSG_LEN(FD_COUNT * sizeof(int));
-        memcpy(CMSG_DATA(c), fds, FD_COUNT * sizeof(int));
+        c->cmsg_len = CMSG_LEN(count * sizeof(int));
+        memcpy(CMSG_DATA(c), fds, count * sizeof(int));
     }
     ssize_t n;
     while ((n = sendmsg(socket, &message, MSG_NOSIGNAL)) < 0 && errno == EINTR) continue;
     return n == sizeof *req ? BW_OK : BW_E_IO;
 }
 
-bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, int channel, int input, int log, int folder) {
+bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, const bw_spawn_files *files) {
     request req;
+    const int fds[FD_MOST] = {files->channel, files->input, files->log, files->folder, files->parameters};
     memset(&req, 0, sizeof req);
     req.spawn = *spawn;
-    return ask(socket, &req, (const int[FD_COUNT]){channel, input, log, folder});
+    return ask(socket, &req, fds, files->parameters >= 0 ? FD_MOST : FD_LEAST);
 }
 
 bw_status bw_spawner_kill(int socket, uint64_t token, int signal) {
@@ -289,7 +293,7 @@ bw_status bw_spawner_kill(int socket, uint64_t token, int signal) {
     memset(&req, 0, sizeof req);
     req.signal = signal;
     req.spawn.token = token;
-    return ask(socket, &req, NULL);
+    return ask(socket, &req, NULL, 0);
 }
 
 bool bw_spawner_report(int socket, bw_spawn_report *report_, bool *gone) {

@@ -5,8 +5,8 @@
  * when its socket reaches the end, it kills its workers, reaps them and exits. Until then it holds DATA/spawner.lock, so the
  * next daemon's spawner is ready only when no worker of the last one is left.
  *
- * What a worker gets: descriptor 0 /dev/null, 1 and 2 the job's log, 3 the channel (worker_proto.h), 4 the input for reading;
- * nothing else is open. Its working directory is the attempt's own folder. It leads its own session, cannot gain
+ * What a worker gets: descriptor 0 /dev/null, 1 and 2 the job's log, 3 the channel (worker_proto.h), 4 the input for reading,
+ * 5 its file of parameters for reading, if the job has one and the stage is the first; nothing else is open. Its working directory is the attempt's own folder. It leads its own session, cannot gain
  * privileges, gets SIGKILL when the spawner dies, and has limits on address space, processor time, file size, open
  * files and core dumps. Arguments: --stage NAME --options JSON --memory BYTES --job ID --attempt N (the last two are for ps).
  */
@@ -31,6 +31,11 @@ typedef struct {
     int cpu_seconds;
 } bw_spawn;
 
+/* Descriptors for the worker; `parameters` is -1 if it gets none. */
+typedef struct {
+    int channel, input, log, folder, parameters;
+} bw_spawn_files;
+
 typedef struct {
     enum { BW_SPAWNER_READY, BW_WORKER_STARTED, BW_WORKER_EXITED } kind;
     uint64_t token;
@@ -44,7 +49,7 @@ bw_status bw_spawner_start(const char *data, const char *worker, int *socket);
 /* Waits until the workers of an earlier daemon are gone and the spawner is ready. BW_E_TIME after `seconds`. */
 bw_status bw_spawner_wait_ready(int socket, int seconds);
 /* Asks for a worker. The descriptors are copied, not taken. BW_E_IO if the spawner is gone. */
-bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, int channel, int input, int log, int folder);
+bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, const bw_spawn_files *files);
 bw_status bw_spawner_kill(int socket, uint64_t token, int signal); /* to the worker's whole process group */
 /* Reads one report without blocking. False: none there; *gone tells whether the spawner has died. */
 bool bw_spawner_report(int socket, bw_spawn_report *report, bool *gone);

@@ -1,8 +1,9 @@
 /* blockwright-worker: runs one stage of one job and exits. Started by the spawner only (spawner.h tells with what); the one
  * place where the core and the service meet. It talks to the daemon over descriptor 3 (worker_proto.h), reads the input
- * from descriptor 4 and writes "out" in its working directory. */
+ * from descriptor 4 and its file of parameters from 5, if that is open, and writes "out" in its working directory. */
 #include <blockwright.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -72,12 +73,14 @@ static bool say_result(const bw_context *ctx, bw_status status) {
 }
 
 static bw_status run_stage(bw_context *ctx, const arguments *a, bw_stage stage) {
-    char input[32];
+    char input[32], parameters[32];
     bw_options options;
     bw_options_defaults(&options);
     bw_status status = bw_options_from_json(ctx, &options, a->options, strlen(a->options));
     if (status != BW_OK) return status;
     snprintf(input, sizeof input, "/proc/self/fd/%d", BW_WORKER_INPUT);
+    snprintf(parameters, sizeof parameters, "/proc/self/fd/%d", BW_WORKER_PARAMETERS);
+    if (fcntl(BW_WORKER_PARAMETERS, F_GETFD) >= 0) options.parameters = parameters;
     status = bw_stage_run(ctx, &options, stage, input, "out");
     if (status != BW_OK && ctx->error.status == BW_OK) bw_fail(ctx, status, "%s failed", a->stage);
     return status;

@@ -27,7 +27,8 @@
 #include "base/status.h"
 
 enum { BW_WORKER_PROTOCOL = 1, BW_FRAME_HEADER = 8, BW_FRAME_MOST = 65536 };
-enum { BW_WORKER_CHANNEL = 3, BW_WORKER_INPUT = 4 }; /* descriptors a worker is started with */
+/* Descriptors a worker is started with; the last is open only if there is a file of parameters. */
+enum { BW_WORKER_CHANNEL = 3, BW_WORKER_INPUT, BW_WORKER_PARAMETERS };
 
 typedef enum { BW_FRAME_HELLO = 1, BW_FRAME_PROGRESS, BW_FRAME_LOG, BW_FRAME_RESULT } bw_frame_type;
 

@@ -16,6 +16,7 @@ step live.sh
 step ready.sh
 step blob_put.sh
 step blob_head.sh
+step job_create_parameters.sh
 step job_create.sh
 step job_list.sh
 step job_wait.sh

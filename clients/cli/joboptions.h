@@ -14,6 +14,7 @@ typedef struct {
     double tolerance;            /* 0: not given */
     int64_t max_cells;           /* 0: not given */
     bool vtk;
+    const char *parameters;      /* a file, not one of the options in JSON; NULL: not given */
 } cli_job_options;
 
 /* Rows of an option table; `settings` has a member cli_job_options job. */
@@ -34,7 +35,9 @@ typedef struct {
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
      "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \
     {"max-cells", 0, CLI_INTEGER, offsetof(settings, job.max_cells), "N",                                    \
-     "work limit: cells that cuts may add to the tets of the input (default 4000000)", 1, 2e9}
+     "work limit: cells that cuts may add to the tets of the input (default 4000000)", 1, 2e9},                 \
+    {"parameters", 0, CLI_TEXT, offsetof(settings, job.parameters), "FILE",                                  \
+     "parameters of a Medit mesh (12 numbers per tet)", 0, 0}
 /* clang-format on */
 
 /* The options that were given, as the JSON object that jobs carry. Owned by the caller; NULL if out of

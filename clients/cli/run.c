@@ -12,7 +12,7 @@
 #include "terminal.h"
 
 typedef struct {
-    const char *out, *parameters;
+    const char *out;
     cli_job_options job;
     int64_t threads;
     uint64_t memory;
@@ -23,8 +23,6 @@ static const cli_option options[] = {
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR",
      "folder for the results, made if missing (required)", 0, 0},
     CLI_JOB_OPTIONS(settings),
-    {"parameters", 0, CLI_TEXT, offsetof(settings, parameters), "FILE",
-     "parameters of a Medit mesh (12 numbers per tet)", 0, 0},
     {"threads", 0, CLI_INTEGER, offsetof(settings, threads), "N",
      "threads to use (default 1); the result is the same", 1, 1024},
     {"memory", 0, CLI_BYTES, offsetof(settings, memory), "BYTES",
@@ -69,7 +67,7 @@ static bw_status read_options(bw_context *ctx, const settings *s, bw_options *o)
     bw_options_defaults(o);
     bw_status status = text ? bw_options_from_json(ctx, o, text, strlen(text))
                             : bw_fail(ctx, BW_E_MEMORY, "no memory for the options");
-    o->parameters = s->parameters;
+    o->parameters = s->job.parameters;
     free(text);
     json_decref(json);
     return status;

@@ -1,4 +1,5 @@
-/* blockwright submit: uploads a file, unless the daemon has it already, and creates a job for it. */
+/* blockwright submit: uploads a part, of one file or two, unless the daemon has it already, and creates a
+ * job for it. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -65,22 +66,30 @@ out:
     return code;
 }
 
-static char *job_request(const settings *s, const char *file, const char *hash) {
+/* The names under which the daemon has the part's files; `parameters` "": none. */
+typedef struct {
+    char input[CLI_HASH_TEXT], parameters[CLI_HASH_TEXT];
+} blobs;
+
+static char *job_request(const settings *s, const char *file, const blobs *names) {
     const char *slash = strrchr(file, '/');
     const char *name = s->name ? s->name : slash ? slash + 1 : file;
-    json_t *request = json_pack("{s:s, s:o}", "input", hash, "options", cli_job_options_json(&s->job));
+    json_t *request = json_pack("{s:s, s:o}", "input", names->input, "options", cli_job_options_json(&s->job));
     json_t *text = json_string(name); /* NULL if it is not UTF-8: then the job goes without a name */
     if (text) json_object_set_new(request, "name", text);
+    if (*names->parameters) json_object_set_new(request, "parameters", json_string(names->parameters));
     char *body = json_dumps(request, JSON_COMPACT);
     json_decref(request);
     return body;
 }
 
 static int submit(cli_http *http, const settings *s, const char *file) {
-    char hash[CLI_HASH_TEXT];
-    int code = upload(http, file, s->quiet, hash);
+    blobs names = {0};
+    int code = upload(http, file, s->quiet, names.input);
+    if (code == CLI_DONE && s->job.parameters)
+        code = upload(http, s->job.parameters, s->quiet, names.parameters);
     if (code != CLI_DONE) return code;
-    char *body = job_request(s, file, hash);
+    char *body = job_request(s, file, &names);
     if (!body) {
         cli_error("out of memory");
         return CLI_INTERNAL;
@@ -118,11 +127,13 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. The job's id\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. A Medit mesh has\n"
+             "its parameters in a second file, which --parameters names. The job's id\n"
              "is printed on standard output as soon as the daemon has stored the job for good. With\n"
              "--wait the command stays until the job has ended and its exit code tells how; with --out\n"
              "it also fetches the results.",
     .examples = "  blockwright submit part.hexex\n"
+                "  blockwright submit part.mesh --parameters part.parameters\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"
                 "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",
     .options = options,

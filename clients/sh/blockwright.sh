@@ -10,8 +10,10 @@ usage() {
     cat <<'END'
 Usage: blockwright.sh COMMAND ...
 
-  submit FILE [--complex mc|bc] [--reduce none|keep-singular|full] [--until STAGE] [--name TEXT] [--wait] [--out DIR]
-                     upload FILE, create a job, print its id; --wait follows it, --out also fetches the results
+  submit FILE [--parameters FILE] [--complex mc|bc] [--reduce none|keep-singular|full] [--until STAGE] [--name TEXT]
+         [--wait] [--out DIR]
+                     upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
+                     --out also fetches the results
   watch ID           wait until job ID has ended
   fetch ID --out DIR bring its results home, each checked against its SHA-256
   cancel ID          ask it to stop
@@ -186,7 +188,8 @@ check_id() {
     esac
 }
 
-submit() {
+# upload FILE: makes sure the daemon has it; its name there goes to $hash.
+upload() {
     [ -r "$1" ] || {
         error "$1 cannot be read"
         exit 5
@@ -201,12 +204,21 @@ submit() {
     2??) ;;
     *) complain "$work/body" '' '' ;;
     esac
+}
+
+submit() {
+    side=
+    if [ -n "$parameters" ]; then
+        upload "$parameters"
+        side="\"parameters\": \"$hash\", "
+    fi
+    upload "$1"
     options=
     [ -z "$complex" ] || options="\"complex\": $(quoted "$complex")"
     [ -z "$reduce" ] || options="${options:+$options, }\"reduce\": $(quoted "$reduce")"
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
-    printf '{"input": "%s", "name": %s, "options": {%s}}' "$hash" "$(quoted "${name:-$(basename "$1")}")" "$options" \
-        >"$work/request"
+    printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
+        "$options" >"$work/request"
     request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/request" || silent
     [ "$status" = 201 ] || complain "$work/body" '' ''
     id=$(value "$work/body" id 1)
@@ -355,6 +367,7 @@ complex=
 reduce=
 until=
 name=
+parameters=
 command=
 operand=
 while [ $# -gt 0 ]; do
@@ -365,7 +378,7 @@ while [ $# -gt 0 ]; do
         ;;
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
-    --server | --out | -o | --complex | --reduce | --until | --name)
+    --server | --out | -o | --complex | --reduce | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -374,6 +387,7 @@ while [ $# -gt 0 ]; do
         --reduce) reduce=$2 ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
+        --parameters) parameters=$2 ;;
         esac
         shift
         ;;

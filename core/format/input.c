@@ -59,7 +59,7 @@ bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, c
     memset(mesh, 0, sizeof *mesh);
     bw_input_format format = bw_input_detect(data, size);
     if (parameters && format > BW_INPUT_EMPTY && format != BW_INPUT_MEDIT)
-        return bw_fail(ctx, BW_E_USAGE, "a file of parameters belongs to a Medit mesh only; the input is %s",
+        return bw_fail(ctx, BW_E_PARAMETERS, "a file of parameters belongs to a Medit mesh only; the input is %s",
                        bw_input_format_name(format));
     switch (format) {
     case BW_INPUT_HEXEX:

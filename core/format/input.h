@@ -36,7 +36,7 @@ bw_input_format bw_input_detect(const void *data, size_t size);
 const char *bw_input_format_name(bw_input_format format); /* "hexex"; "" if unknown or empty */
 
 /* Reads the file at `path` (a descriptor under /proc/self/fd will do, and a pipe). `parameters_path`: the
- * side file of a Medit mesh, NULL for none; with any other format it is BW_E_USAGE. *mesh is overwritten, and
+ * side file of a Medit mesh, NULL for none; with any other format it is BW_E_PARAMETERS. *mesh is overwritten, and
  * empty after a failure; clear it with bw_tet_mesh_clear. Files are mapped (.hexex: streamed); what cannot be
  * mapped is read into memory, within the job's budget. A file must not shrink while it is read.
  * Errors: BW_E_EMPTY; BW_E_SYNTAX for an unknown format; BW_E_IO; those of the reader. */

@@ -311,7 +311,7 @@ static bw_status parse_parameters(bw_tet_mesh *m, bw_scan *s) {
                               bw_word_show(word, text, sizeof text));
     if (status == BW_OK) status = bw_scan_whole(s, &count);
     if (status == BW_OK && (count < 0 || (size_t)count != m->tet_count))
-        status = bw_scan_fail(s, BW_E_COUNT, "parameters of %lld tets, but the mesh has %zu",
+        status = bw_scan_fail(s, BW_E_PARAMETERS, "parameters of %lld tets, but the mesh has %zu",
                               (long long)count, m->tet_count);
     if (status == BW_OK) status = bw_scan_count(s, "tets", count, BW_INPUT_TETS_MAX, 24);
     if (status == BW_OK && !(m->parameter = bw_alloc(s->ctx, (size_t)count, sizeof *m->parameter)))
@@ -330,7 +330,7 @@ static bw_status parse_parameters(bw_tet_mesh *m, bw_scan *s) {
 static bw_status read_parameters(reader *r, const void *data, size_t size) {
     if (!data)
         return bw_scan_fail(
-            &r->scan, BW_E_SYNTAX,
+            &r->scan, BW_E_PARAMETERS,
             "a Medit mesh has no place for the parametrization: a side file with \"parameters %zu\" and "
             "twelve numbers per tet is missing",
             r->mesh->tet_count);

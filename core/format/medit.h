@@ -17,7 +17,7 @@
  *
  * The input is hostile until read (input_scan.h). Errors, each with its line (byte in .meshb) and the
  * element: as of bw_vtk_read_memory; those of the side file begin with "parameters:". Without a side file
- * (NULL): BW_E_SYNTAX. O(bytes).
+ * (NULL), or with that of another number of tets: BW_E_PARAMETERS. O(bytes).
  */
 #ifndef BW_FORMAT_MEDIT_H
 #define BW_FORMAT_MEDIT_H

@@ -184,7 +184,7 @@ static void medit(void **state) {
 static void side_files(void **state) {
     (void)state;
     static const damage list[] = {
-        {"parameters 6", "parameters 5", BW_E_COUNT, "line", 1,
+        {"parameters 6", "parameters 5", BW_E_PARAMETERS, "line", 1,
          "parameters: line 1: parameters of 5 tets, but the mesh has 6"},
         {"parameters", "sol", BW_E_SYNTAX, "line", 1, "the word parameters is due"},
         {"0.25 0.5 0", "0.25 nan 0", BW_E_NUMBER, "tet", 0, "parameters: line 2 (tet 0): 'nan'"},
@@ -197,7 +197,7 @@ static void side_files(void **state) {
         free(bad);
     }
     refuses(mesh, strlen(mesh), NULL,
-            &(damage){"", "", BW_E_SYNTAX, NULL, 0, "a side file with \"parameters 6\""});
+            &(damage){"", "", BW_E_PARAMETERS, NULL, 0, "a side file with \"parameters 6\""});
     refuses(mesh, strlen(mesh), "", &(damage){"", "", BW_E_TRUNCATED, NULL, 0, "parameters: line 1"});
     char longer[4000];
     snprintf(longer, sizeof longer, "%s1", side);
@@ -205,7 +205,7 @@ static void side_files(void **state) {
             &(damage){"", "", BW_E_SYNTAX, NULL, 0, "more text after the last tet"});
     char *other = kit_read_file(FOLDER "cube.ovm", NULL);
     refuses(other, strlen(other), side,
-            &(damage){"", "", BW_E_USAGE, NULL, 0, "belongs to a Medit mesh only; the input is ovm"});
+            &(damage){"", "", BW_E_PARAMETERS, NULL, 0, "belongs to a Medit mesh only; the input is ovm"});
     free(mesh), free(side), free(other);
 }
 

@@ -217,9 +217,17 @@ void kit_upload(const kit_daemon *d, const char *content, char hash[BW_SHA256_TE
 }
 
 void kit_submit(const kit_daemon *d, const char *content, const char *options, char id[32]) {
-    char hash[BW_SHA256_TEXT], body[600];
+    kit_submit_both(d, content, NULL, options, id);
+}
+
+void kit_submit_both(const kit_daemon *d, const char *content, const char *parameters, const char *options, char id[32]) {
+    char hash[BW_SHA256_TEXT], side[BW_SHA256_TEXT], member[100] = "", body[700];
     kit_upload(d, content, hash);
-    int n = snprintf(body, sizeof body, "{\"input\":\"%s\",\"options\":%s}", hash, options ? options : "{}");
+    if (parameters) {
+        kit_upload(d, parameters, side);
+        snprintf(member, sizeof member, "\"parameters\":\"%s\",", side);
+    }
+    int n = snprintf(body, sizeof body, "{\"input\":\"%s\",%s\"options\":%s}", hash, member, options ? options : "{}");
     kit_reply r = kit_request(d, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n);
     assert_int_equal(r.status, 201);
     json_t *job = kit_json(&r);

@@ -50,6 +50,8 @@ void kit_hash(const void *data, size_t size, char hash[BW_SHA256_TEXT]);
 void kit_upload(const kit_daemon *daemon, const char *content, char hash[BW_SHA256_TEXT]);
 /* Creates a job for `content` with `options` (JSON, may be NULL); writes its id. */
 void kit_submit(const kit_daemon *daemon, const char *content, const char *options, char id[32]);
+/* The same with a file of parameters. */
+void kit_submit_both(const kit_daemon *daemon, const char *content, const char *parameters, const char *options, char id[32]);
 json_t *kit_job(const kit_daemon *daemon, const char *id);
 /* Polls until the job has one of the final states; asserts that it takes less than `seconds`. */
 json_t *kit_wait(const kit_daemon *daemon, const char *id, int seconds);

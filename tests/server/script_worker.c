@@ -18,7 +18,7 @@
  *     link            write the output as a symbolic link
  *     flaky N         raise SIGKILL unless this is attempt N or later (of the job)
  *
- * sanitize copies the script to its output; every later stage copies its input to its output, with the stage's name added as a
+ * A file of parameters goes before the script, as if it were its beginning. sanitize copies the script to its output; every later stage copies its input to its output, with the stage's name added as a
  * comment line; encode writes script.txt (its input), data.bin (bytes that depend on the input alone) and report.json. */
 #include <errno.h>
 #include <fcntl.h>
@@ -136,11 +136,14 @@ static void write_state(void) {
 }
 
 static void read_script(void) {
-    struct stat st;
-    if (fstat(BW_WORKER_INPUT, &st) != 0) exit(5);
-    script_size = (size_t)st.st_size;
+    struct stat input, parameters = {.st_size = 0};
+    if (fstat(BW_WORKER_INPUT, &input) != 0) exit(5);
+    size_t before = fstat(BW_WORKER_PARAMETERS, &parameters) == 0 ? (size_t)parameters.st_size : 0;
+    script_size = before + (size_t)input.st_size;
     script = calloc(script_size + 1, 1);
-    if (!script || pread(BW_WORKER_INPUT, script, script_size, 0) != (ssize_t)script_size) exit(5);
+    if (!script || (before && pread(BW_WORKER_PARAMETERS, script, before, 0) != (ssize_t)before) ||
+        pread(BW_WORKER_INPUT, script + before, script_size - before, 0) != (ssize_t)(script_size - before))
+        exit(5);
 }
 
 int main(int argc, char **argv) {

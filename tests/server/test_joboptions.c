@@ -22,11 +22,15 @@ static json_t *check(const char *text) {
     return all;
 }
 
-static void key(const char *input, const char *options, int stage, char out[BW_SHA256_TEXT]) {
+static void key_of(const char *input, const char *parameters, const char *options, int stage, char out[BW_SHA256_TEXT]) {
     json_t *all = check(options);
     assert_non_null(all);
-    assert_true(bw_cache_key(input, all, stage, out));
+    assert_true(bw_cache_key(input, parameters, all, stage, out));
     json_decref(all);
+}
+
+static void key(const char *input, const char *options, int stage, char out[BW_SHA256_TEXT]) {
+    key_of(input, "", options, stage, out);
 }
 
 static bool same_key(const char *one, const char *other, int stage) {
@@ -85,6 +89,19 @@ static void keys_differ_by_input_stage_and_the_options_of_this_and_earlier_stage
     }
 }
 
+static void a_file_of_parameters_changes_every_key(void **state) {
+    (void)state;
+    const char *files[][2] = {{a, ""}, {a, a}, {a, b}, {b, a}, {b, ""}};
+    enum { FILES = sizeof files / sizeof *files };
+    for (int s = 0; s < BW_API_STAGE_COUNT; s++) {
+        char keys[FILES][BW_SHA256_TEXT];
+        for (int i = 0; i < FILES; i++) {
+            key_of(files[i][0], files[i][1], "{}", s, keys[i]);
+            for (int other = 0; other < i; other++) assert_string_not_equal(keys[i], keys[other]);
+        }
+    }
+}
+
 static void stages_to_run_follow_until(void **state) {
     (void)state;
     for (int s = 0; s < BW_API_STAGE_COUNT; s++) {
@@ -101,6 +118,7 @@ int main(void) {
         cmocka_unit_test(equal_requests_have_equal_forms),
         cmocka_unit_test(a_refusal_names_the_option_and_what_it_may_be),
         cmocka_unit_test(keys_differ_by_input_stage_and_the_options_of_this_and_earlier_stages),
+        cmocka_unit_test(a_file_of_parameters_changes_every_key),
         cmocka_unit_test(stages_to_run_follow_until),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

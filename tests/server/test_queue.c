@@ -17,6 +17,7 @@
 static char folder[64], path[96];
 static bw_queue *q;
 static const char hash[] = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+static const char side[] = "fedcba9876543210fedcba9876543210fedcba9876543210fedcba9876543210";
 
 static int open_queue(void **state) {
     (void)state;
@@ -42,6 +43,7 @@ static void insert(bw_job *job, int stages) {
     memset(job, 0, sizeof *job);
     bw_job_id_make(job->id);
     snprintf(job->input, sizeof job->input, "%s", hash);
+    snprintf(job->parameters, sizeof job->parameters, "%s", side);
     job->options = strdup("{}");
     job->name = strdup("caf\xc3\xa9 \"quoted\" '; --");
     job->stage_count = stages;
@@ -88,6 +90,7 @@ static void a_job_keeps_what_it_was_inserted_with(void **state) {
     bw_job now = get(job.id);
     assert_string_equal(now.name, job.name);
     assert_string_equal(now.input, hash);
+    assert_string_equal(now.parameters, side);
     assert_int_equal(now.state, BW_JOB_QUEUED);
     assert_int_equal(now.created, 1000);
     bw_job_clear(&now);
@@ -274,6 +277,31 @@ static void the_file_of_a_newer_daemon_is_refused_and_left_alone(void **state) {
     sqlite3_close(db);
 }
 
+/* What the first version's file did not have is taken away again. */
+static void a_file_of_version_1_keeps_its_jobs_and_goes_on(void **state) {
+    (void)state;
+    sqlite3 *db;
+    bw_job job, next;
+    insert(&job, 4);
+    bw_queue_close(q);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, "ALTER TABLE jobs DROP COLUMN parameters; PRAGMA user_version = 1", NULL, NULL, NULL),
+                     SQLITE_OK);
+    sqlite3_close(db);
+    assert_int_equal(bw_queue_open(path, &q), BW_OK);
+    bw_job now = get(job.id);
+    assert_string_equal(now.input, hash);
+    assert_string_equal(now.parameters, "");
+    bw_job_clear(&now);
+    claim(&job);
+    insert(&next, 4);
+    now = get(next.id);
+    assert_string_equal(now.parameters, side);
+    bw_job_clear(&now);
+    bw_job_clear(&job);
+    bw_job_clear(&next);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_job_keeps_what_it_was_inserted_with, open_queue, close_queue),
@@ -285,6 +313,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_daemon_that_dies_of_a_job_again_and_again_gives_it_up, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cancelling_is_idempotent_in_every_state, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cache_rows_without_files_are_forgotten, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_file_of_version_1_keeps_its_jobs_and_goes_on, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(the_file_of_a_newer_daemon_is_refused_and_left_alone, open_queue, close_queue),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -47,6 +47,28 @@ static void a_job_runs_all_stages_and_its_results_are_the_workers_bytes(void **s
     json_decref(results);
 }
 
+static void a_file_of_parameters_reaches_the_first_stage_only(void **state) {
+    (void)state;
+    char id[32], hash[BW_SHA256_TEXT];
+    for (int i = 0; i < 2; i++) { /* the same input, another file */
+        const char *side = i ? "# two\n" : "# one\n";
+        kit_submit_both(&d, "* log both\n", side, NULL, id);
+        json_t *job = kit_wait(&d, id, 20), *attempt;
+        assert_string_equal(kit_text(job, "state"), "successful");
+        kit_hash(side, strlen(side), hash);
+        assert_string_equal(kit_text(job, "parameters"), hash);
+        size_t k;
+        json_array_foreach(json_object_get(job, "attempts"), k, attempt)
+            assert_true(json_is_false(json_object_get(attempt, "reused")));
+        json_decref(job);
+        kit_reply r = kit_get(&d, "/v1/jobs/%s/results/script.txt", id);
+        assert_int_equal(r.status, 200);
+        assert_memory_equal(r.body, side, strlen(side));
+        assert_memory_equal(r.body + strlen(side), "* log both\n# sanitize\n", 22); /* once, not by every stage again */
+        kit_free(&r);
+    }
+}
+
 /* How many attempts of the job found their stage in the cache. */
 static size_t reused(const json_t *job) {
     size_t i, n = 0;
@@ -250,6 +272,7 @@ static void the_command_line_is_checked(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_job_runs_all_stages_and_its_results_are_the_workers_bytes),
+        cmocka_unit_test(a_file_of_parameters_reaches_the_first_stage_only),
         cmocka_unit_test(a_second_equal_job_reuses_every_stage),
         cmocka_unit_test(a_job_reuses_the_stages_before_the_first_one_its_options_change),
         cmocka_unit_test(equal_jobs_at_the_same_time_make_each_output_once),

@@ -24,9 +24,9 @@ static int stop(void **state) {
     return 0;
 }
 
-static pid_t running_worker(const char *script, char id[32]) {
+static pid_t running_worker(const char *script, const char *parameters, char id[32]) {
     pid_t pid;
-    kit_submit(&d, script, NULL, id);
+    kit_submit_both(&d, script, parameters, NULL, id);
     kit_wait_state(&d, id, "running", 10);
     for (int i = 0; i < 500; i++, kit_sleep_ms(10))
         if (kit_workers(&d, &pid, 1) == 1) return pid;
@@ -70,11 +70,27 @@ static bool has_line(pid_t pid, const char *file, const char *start, const char 
     return found;
 }
 
+/* `last`: the highest descriptor; it has that one, all below and no other. */
+static void expect_descriptors(pid_t pid, int last) {
+    char path[64];
+    int highest = 0, count = 0;
+    snprintf(path, sizeof path, "/proc/%d/fd", (int)pid);
+    DIR *fds = opendir(path);
+    assert_non_null(fds);
+    for (struct dirent *e; (e = readdir(fds));) {
+        if (*e->d_name == '.') continue;
+        count++;
+        if (atoi(e->d_name) > highest) highest = atoi(e->d_name);
+    }
+    closedir(fds);
+    assert_int_equal(count, last + 1);
+    assert_int_equal(highest, last);
+}
+
 static void a_worker_is_confined(void **state) {
     (void)state;
-    char id[32], path[64];
-    int highest = 0, count = 0;
-    pid_t pid = running_worker("sanitize sleep 1500\n", id);
+    char id[32];
+    pid_t pid = running_worker("sanitize sleep 1500\n", NULL, id);
     kit_sleep_ms(200); /* past its exec */
     assert_true(has_line(pid, "status", "NoNewPrivs:", "1"));
     assert_true(has_line(pid, "limits", "Max core file size", "0"));
@@ -86,24 +102,23 @@ static void a_worker_is_confined(void **state) {
         assert_true(has_line(pid, "limits", "Max address space", "603979776")); /* 64 MiB + 512 MiB */
     json_decref(ready);
     assert_int_equal(getsid(pid), pid);
-    snprintf(path, sizeof path, "/proc/%d/fd", (int)pid);
-    DIR *fds = opendir(path);
-    assert_non_null(fds);
-    for (struct dirent *e; (e = readdir(fds));) {
-        if (*e->d_name == '.') continue;
-        count++;
-        if (atoi(e->d_name) > highest) highest = atoi(e->d_name);
-    }
-    closedir(fds);
-    assert_int_equal(count, 5);
-    assert_int_equal(highest, 4);
+    expect_descriptors(pid, 4);
+    json_decref(kit_wait(&d, id, 20));
+}
+
+static void a_worker_has_one_descriptor_more_for_parameters(void **state) {
+    (void)state;
+    char id[32];
+    pid_t pid = running_worker("sanitize sleep 1500\n", "# parameters\n", id);
+    kit_sleep_ms(200); /* past its exec */
+    expect_descriptors(pid, 5);
     json_decref(kit_wait(&d, id, 20));
 }
 
 static void workers_die_with_the_daemon_and_the_job_goes_on_with_the_next(void **state) {
     (void)state;
     char id[32];
-    pid_t pid = running_worker("* deaf\nsanitize sleep 2000\n# with the daemon\n", id), spawner = parent_of(pid);
+    pid_t pid = running_worker("* deaf\nsanitize sleep 2000\n# with the daemon\n", NULL, id), spawner = parent_of(pid);
     kit_kill(&d, SIGKILL);
     expect_gone(pid);
     expect_gone(spawner);
@@ -118,7 +133,7 @@ static void a_daemon_without_its_spawner_ends_and_the_next_goes_on(void **state)
     (void)state;
     char id[32];
     int status;
-    pid_t pid = running_worker("* deaf\nsanitize sleep 2000\n# with the spawner\n", id);
+    pid_t pid = running_worker("* deaf\nsanitize sleep 2000\n# with the spawner\n", NULL, id);
     kill(parent_of(pid), SIGKILL);
     assert_int_equal(waitpid(d.pid, &status, 0), d.pid);
     d.pid = 0;
@@ -150,6 +165,7 @@ static void a_daemon_that_cannot_run_its_worker_says_so(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_worker_is_confined),
+        cmocka_unit_test(a_worker_has_one_descriptor_more_for_parameters),
         cmocka_unit_test(workers_die_with_the_daemon_and_the_job_goes_on_with_the_next),
         cmocka_unit_test(a_daemon_without_its_spawner_ends_and_the_next_goes_on),
         cmocka_unit_test(a_daemon_that_cannot_run_its_worker_says_so),

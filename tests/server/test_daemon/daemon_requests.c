@@ -145,6 +145,12 @@ static void a_bad_job_is_refused_with_the_reason(void **state) {
     kit_upload(&d, "uploaded", hash);
     snprintf(body, sizeof body, "{\"input\":\"%s\",\"colour\":1}", hash);
     kit_expect_problem(post_job(body), 400, "bad-json");
+    for (const char *const *side = (const char *const[]){"\"\"", "\"abc\"", "null", "7", "[]", NULL}; *side; side++) {
+        snprintf(body, sizeof body, "{\"input\":\"%s\",\"parameters\":%s}", hash, *side);
+        kit_expect_problem(post_job(body), 400, "bad-json");
+    }
+    snprintf(body, sizeof body, "{\"input\":\"%s\",\"parameters\":\"%064d\"}", hash, 0);
+    kit_expect_problem(post_job(body), 422, "unknown-input");
     snprintf(body, sizeof body, "{\"input\":\"%s\",\"name\":{}}", hash);
     kit_expect_problem(post_job(body), 400, "bad-json");
     const char *bad_options[] = {"[]", "{\"colour\":1}", "{\"complex\":\"xy\"}", "{\"complex\":1}", "{\"until\":\"tomorrow\"}",
