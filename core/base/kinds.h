@@ -18,4 +18,11 @@ typedef enum {
     BW_SELF_ADJACENT_SPLIT  /* where it does across opposite sides it is cut in two */
 } bw_self_adjacent;
 
+typedef enum {
+    BW_QUANTIZE_NONE,        /* no integer lengths */
+    BW_QUANTIZE_POSITIVE,    /* all at least 1: valid whatever the complex */
+    BW_QUANTIZE_NONNEGATIVE, /* zeros too, where that is valid (Q 5) */
+    BW_QUANTIZE_ANY          /* negative ones too, in blocks of non-negative extents */
+} bw_quantize_range;
+
 #endif
