@@ -145,10 +145,10 @@ static const struct {
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
     [BW_STAGE_SANITIZE] = {"sanitize", 2, run_sanitize},
-    [BW_STAGE_TRACE] = {"trace", 4, run_trace},
-    [BW_STAGE_BUILD] = {"build", 4, run_build},
-    [BW_STAGE_REDUCE] = {"reduce", 2, run_reduce},
-    [BW_STAGE_ENCODE] = {"encode", 2, run_encode},
+    [BW_STAGE_TRACE] = {"trace", 5, run_trace},
+    [BW_STAGE_BUILD] = {"build", 5, run_build},
+    [BW_STAGE_REDUCE] = {"reduce", 3, run_reduce},
+    [BW_STAGE_ENCODE] = {"encode", 3, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }

@@ -117,7 +117,7 @@ static bw_status number_nodes(bw_build *b, const fans *f) {
 /* Difference of the floors of an edge's directed coordinate. The fractions of neighbouring edges agree at their common vertex and
  * are zero at nodes, so the sum over an arc is its exact length. */
 static int64_t floor_length(const bw_cells *c, bw_cedge e, bw_cvertex from) {
-    bw_tet tet = c->cell[c->polygon[c->half[c->edge[e].half].polygon].cell[0]].tet;
+    bw_tet tet = bw_cells_tet(c, c->polygon[c->half[c->edge[e].half].polygon].cell[0]);
     bw_cvertex end[2] = {from, c->edge[e].vertex[c->edge[e].vertex[0] == from]};
     int axis = bw_cells_edge_axis(c, e, tet);
     int64_t x[2];

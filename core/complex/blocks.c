@@ -61,6 +61,13 @@ static bw_status lay_out(bw_build *b) {
     forest f = {bw_alloc(b->ctx, c->cell_count, sizeof *f.parent), b->complex->cell_chart, bw_alloc(b->ctx, c->cell_count, 1)};
     bw_status status = b->ctx->error.status;
     for (size_t i = 0; i < c->cell_count && status == BW_OK; i++) f.parent[i] = (bw_cell)i;
+    for (size_t i = 0; i < c->mesh->facet_count && status == BW_OK; i++) {
+        if (c->of_facet[i] != BW_NONE) continue;
+        const bw_tet *side = c->mesh->facet_tet[i];
+        bw_transition across = bw_grid_map_across(c->mesh, c->map, (bw_facet)i, side[1]);
+        join(&f, side[0], side[1], &across);
+        if (i % 65536 == 0) status = bw_poll(b->ctx);
+    }
     for (size_t p = 0; p < c->polygon_count && status == BW_OK; p++) {
         const bw_cell_polygon *q = &c->polygon[p];
         if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || q->flags & BW_WALL) continue;
@@ -88,7 +95,7 @@ static int find_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *v
     const bw_cells *c = b->cells;
     bw_cell cell = c->polygon[polygon].cell[slot], first = c->polygon[polygon].cell[0];
     bool below = first_cell_is_below(c, polygon);
-    bw_plane home = bw_cells_polygon_plane(c, polygon, c->cell[first].tet), plane = home;
+    bw_plane home = bw_cells_polygon_plane(c, polygon, bw_cells_tet(c, first)), plane = home;
     if (slot == 1) {
         below = !below;
         bw_transition t = bw_cells_transition(c, polygon, first);
@@ -153,7 +160,7 @@ void bw_build_locate(const bw_build *b, bw_cvertex vertex, bw_cell cell, int64_t
     for (int k = 0; k < 3; k++) {
         int axis = bw_rotation_axis[chart->rotation][k];
         bool fraction;
-        int64_t x = bw_cells_floor(b->cells, vertex, b->cells->cell[cell].tet, axis, &fraction);
+        int64_t x = bw_cells_floor(b->cells, vertex, bw_cells_tet(b->cells, cell), axis, &fraction);
         exact[k] = !fraction;
         out[k] = chart->shift[k] + (bw_rotation_sign[chart->rotation][k] > 0 ? x : -x - fraction);
     }

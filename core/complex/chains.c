@@ -51,7 +51,7 @@ static bw_status place(bw_build *b, bw_arc a, bw_cell cell, placement *out) {
     bool exact[3];
     bw_build_locate(b, first, cell, out->at, exact);
     if (!exact[0] || !exact[1] || !exact[2]) return bw_fail(b->ctx, BW_E_CHECK, "a node of arc %d is not on the grid", a);
-    bw_tet tet = c->cell[cell].tet;
+    bw_tet tet = bw_cells_tet(c, cell);
     int local = bw_cells_edge_axis(c, e, tet);
     if (local < 0) return bw_fail(b->ctx, BW_E_CHECK, "arc %d is not parallel to an axis", a);
     bw_plane turned = bw_transition_plane(&x->cell_chart[cell], (bw_plane){0, (int8_t)local});

@@ -90,25 +90,35 @@ static bw_status check_block(const checker *k, size_t block) {
     return BW_OK;
 }
 
+/* Whether two neighbouring cells of a block have the same chart; `across` leads from that of cell[0] to that of cell[1]. */
+static bool same_chart(const bw_complex *x, const bw_cell cell[2], const bw_transition *across) {
+    bw_transition other = x->cell_chart[cell[1]];
+    if (across) other = bw_transition_compose(&other, across);
+    return x->cell_block[cell[0]] == x->cell_block[cell[1]] && bw_transition_equal(&other, &x->cell_chart[cell[0]]);
+}
+
 /* Neighbouring cells of a block have the same chart, and every wall polygon lies in a side of the box of its block. */
 static bw_status check_charts(const checker *k) {
     const bw_cells *c = k->cells;
     const bw_complex *x = k->x;
+    for (size_t f = 0; f < c->mesh->facet_count; f++) {
+        if (c->of_facet[f] != BW_NONE) continue;
+        const bw_tet *tet = c->mesh->facet_tet[f];
+        bw_transition across = bw_grid_map_across(c->mesh, c->map, (bw_facet)f, tet[0]);
+        if (!same_chart(x, tet, &across)) return VIOLATED(k, "cells %d and %d of one block are laid out differently", tet[0], tet[1]);
+    }
     for (size_t p = 0; p < c->polygon_count; p++) {
         const bw_cell_polygon *q = &c->polygon[p];
         if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p)) continue;
         if (!(q->flags & BW_WALL)) {
-            bw_transition other = x->cell_chart[q->cell[1]];
-            if (q->kind == BW_IN_FACET) {
-                bw_transition across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
-                other = bw_transition_compose(&other, &across);
-            }
-            if (x->cell_block[q->cell[0]] != x->cell_block[q->cell[1]] || !bw_transition_equal(&other, &x->cell_chart[q->cell[0]]))
+            bw_transition across;
+            if (q->kind == BW_IN_FACET) across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
+            if (!same_chart(x, q->cell, q->kind == BW_IN_FACET ? &across : NULL))
                 return VIOLATED(k, "cells %d and %d of one block are laid out differently", q->cell[0], q->cell[1]);
             continue;
         }
         for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) {
-            bw_plane plane = bw_cells_polygon_plane(c, (bw_polygon)p, c->cell[q->cell[s]].tet);
+            bw_plane plane = bw_cells_polygon_plane(c, (bw_polygon)p, bw_cells_tet(c, q->cell[s]));
             if (plane.axis < 0) return VIOLATED(k, "wall polygon %zu is not aligned", p);
             plane = bw_transition_plane(&x->cell_chart[q->cell[s]], plane);
             if (plane.value != 0 && plane.value != x->block_extent[x->cell_block[q->cell[s]]][plane.axis])
@@ -123,7 +133,7 @@ static bool is_inside(const checker *k, bw_cell cell, bw_cvertex vertex) {
     const bw_transition *chart = &k->x->cell_chart[cell];
     const int64_t *extent = k->x->block_extent[k->x->cell_block[cell]];
     int64_t at[3];
-    unsigned fractions = bw_cells_locate(k->cells, vertex, k->cells->cell[cell].tet, at);
+    unsigned fractions = bw_cells_locate(k->cells, vertex, bw_cells_tet(k->cells, cell), at);
     for (int i = 0; i < 3; i++) {
         int axis = bw_rotation_axis[chart->rotation][i];
         int64_t fraction = fractions >> axis & 1; /* the coordinate lies in low..low + fraction */
@@ -161,6 +171,9 @@ static bw_status check_singular(const checker *k) {
     for (size_t e = 0; e < c->edge_count && status == BW_OK; e++)
         if (bw_cells_edge_is_leaf(c, (bw_cedge)e) && bw_cells_edge_is_singular(c, (bw_cedge)e) && !on_arc[e])
             status = VIOLATED(k, "the singular edge %d is no part of an arc", c->edge[e].carrier);
+    for (size_t e = 0; e < c->mesh->edge_count && status == BW_OK; e++)
+        if (c->map->edge_flags[e] & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE) && c->of_edge[e] == BW_NONE)
+            status = VIOLATED(k, "the singular or feature edge %zu is no part of an arc", e);
     bw_free(k->ctx, on_arc);
     return status;
 }
@@ -173,6 +186,10 @@ static bw_status check_features(const checker *k) {
     for (size_t p = 0; p < c->polygon_count; p++)
         if (bw_cells_polygon_is_leaf(c, (bw_polygon)p) && c->polygon[p].flags & BW_FEATURE && !(c->polygon[p].flags & BW_WALL))
             return VIOLATED(k, "a feature facet is no wall (facet %d)", c->polygon[p].carrier);
+    for (size_t i = 0; i < m->feature_facet_count; i++) {
+        bw_polygon p = c->of_facet[bw_tet_mesh_find_facet(m, m->feature_facet[i])];
+        if (p == BW_NONE || !(c->polygon[p].flags & BW_FEATURE)) return VIOLATED(k, "feature facet %zu is no wall", i);
+    }
     if (m->feature_edge_count + m->feature_vertex_count == 0) return BW_OK;
     uint8_t *edge_on_arc = bw_alloc(k->ctx, c->edge_count, 1), *vertex_is_node = bw_alloc(k->ctx, c->vertex_count, 1);
     bw_status status = k->ctx->error.status;

@@ -18,7 +18,7 @@ typedef struct {
 static bool sees(const bw_cells *cells, const bw_complex *c, bw_cell cell, bw_polygon p, bw_block block,
                  uint8_t side) {
     if (cell == BW_NONE || c->cell_block[cell] != block) return false;
-    bw_plane plane = bw_cells_polygon_plane(cells, p, cells->cell[cell].tet);
+    bw_plane plane = bw_cells_polygon_plane(cells, p, bw_cells_tet(cells, cell));
     if (plane.axis < 0) return false;
     plane = bw_transition_plane(&c->cell_chart[cell], plane);
     return side == 2 * plane.axis + (plane.value != 0);

@@ -27,11 +27,19 @@ void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh, const b
     report->input.singular_edges_boundary = count[1];
 }
 
+/* Edges or facets that are whole, and no complex edges or polygons. */
+static uint64_t count_none(const int32_t *list, size_t n) {
+    uint64_t count = 0;
+    for (size_t i = 0; i < n; i++) count += list[i] == BW_NONE;
+    return count;
+}
+
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
     report->has_trace = true;
     report->trace.vertices = cells->vertex_count;
     report->trace.cells = cells->cell_count;
-    report->trace.edges = report->trace.polygons = 0;
+    report->trace.edges = count_none(cells->of_edge, cells->mesh->edge_count);
+    report->trace.polygons = count_none(cells->of_facet, cells->mesh->facet_count);
     report->trace.wall_polygons = report->trace.boundary_polygons = 0;
     for (size_t e = 0; e < cells->edge_count; e++)
         report->trace.edges += bw_cells_edge_is_leaf(cells, (bw_cedge)e);

@@ -50,7 +50,10 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
         FIELD("cell.edge", s->cells.edge, n->cell_edge);
         FIELD("cell.half", s->cells.half, n->cell_half);
         FIELD("cell.polygon", s->cells.polygon, n->cell_polygon);
-        FIELD("cell", s->cells.cell, n->cell);
+        FIELD("cell.first", s->cells.first, n->cell);
+        FIELD("cell.tet", s->cells.cut_from, n->cell - n->tet);
+        FIELD("edge.whole", s->cells.of_edge, n->edge);
+        FIELD("facet.whole", s->cells.of_facet, n->facet);
     }
     if (!n->has_complex) return k;
     FIELD("node.vertex", s->complex.node_vertex, n->node);
@@ -119,7 +122,7 @@ static void set_counts(bw_state *s, const counts *n) {
     c->mesh = m, c->map = &s->map;
     c->vertex_count = c->vertex_room = n->cell_vertex, c->edge_count = c->edge_room = n->cell_edge;
     c->half_count = c->half_room = n->cell_half, c->polygon_count = c->polygon_room = n->cell_polygon;
-    c->cell_count = c->cell_room = n->cell;
+    c->cell_count = c->cell_room = n->cell, c->cut_room = n->cell - (n->has_cells ? n->tet : 0);
     x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
     x->torus_splits = n->torus_splits, x->cell_count = n->cell;
 }

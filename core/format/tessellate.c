@@ -9,7 +9,7 @@
     for (bw_half h = (cells)->polygon[p].half, h##_end = BW_NONE; h != h##_end;                              \
          h##_end = (cells)->polygon[p].half, h = (cells)->half[h].next)
 #define FOR_POLYGONS(cells, p, c)                                                                            \
-    for (bw_polygon p = (cells)->cell[c].first; p != BW_NONE; p = bw_cells_next_in_cell((cells), p, (c)))
+    for (bw_polygon p = (cells)->first[c]; p != BW_NONE; p = bw_cells_next_in_cell((cells), p, (c)))
 
 /* ---- sizes, straight corners
  * ------------------------------------------------------------------------------------- */
@@ -28,9 +28,9 @@ static bw_status sort_cells_by_tet(bw_context *ctx, bw_tessellation *t) {
     t->tet_begin = bw_alloc(ctx, tets + 2, sizeof *t->tet_begin);
     t->tet_cell = bw_alloc(ctx, cells, sizeof *t->tet_cell);
     if (!t->tet_begin || !t->tet_cell) return ctx->error.status;
-    for (size_t c = 0; c < cells; c++) t->tet_begin[t->cells->cell[c].tet + 2]++;
+    for (size_t c = 0; c < cells; c++) t->tet_begin[bw_cells_tet(t->cells, (bw_cell)c) + 2]++;
     for (size_t i = 0; i < tets; i++) t->tet_begin[i + 2] += t->tet_begin[i + 1];
-    for (size_t c = 0; c < cells; c++) t->tet_cell[t->tet_begin[t->cells->cell[c].tet + 1]++] = (bw_cell)c;
+    for (size_t c = 0; c < cells; c++) t->tet_cell[t->tet_begin[bw_cells_tet(t->cells, (bw_cell)c) + 1]++] = (bw_cell)c;
     return BW_OK;
 }
 
@@ -170,7 +170,7 @@ bw_status bw_tessellation_side(bw_context *ctx, bw_tessellation *t, bw_chart *ch
     bw_cell cell = t->cells->polygon[polygon].cell[slot];
     bw_status status = BW_OK;
     if (!t->side[polygon]) {
-        status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
+        status = bw_chart_open(ctx, chart, &t->points, bw_cells_tet(t->cells, cell));
         if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
     }
     if (status == BW_OK) *side = side_of_cell(t, chart, cell, polygon);
@@ -225,7 +225,7 @@ static bw_status spanning_mean(bw_context *ctx, const bw_chart *chart, bw_added_
  * inside, for that one is written with the fewest digits; else the exact mean of four vertices. */
 static bw_status add_inside(bw_context *ctx, bw_tessellation *t, bw_chart *chart, bw_cell cell,
                             bw_cell_tets *scratch) {
-    bw_status status = bw_chart_open(ctx, chart, &t->points, t->cells->cell[cell].tet);
+    bw_status status = bw_chart_open(ctx, chart, &t->points, bw_cells_tet(t->cells, cell));
     if (status == BW_OK) status = list_vertices(ctx, t, chart, cell);
     if (status == BW_OK) status = triangles_room(ctx, t, scratch);
     if (status != BW_OK) return status;
@@ -318,10 +318,11 @@ void bw_cell_tets_clear(bw_context *ctx, bw_cell_tets *tets) {
 /* ---- everything
  * -------------------------------------------------------------------------------------------------- */
 
-bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, const bw_cells *cells) {
+bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, bw_cells *cells) {
     *out = (bw_tessellation){.cells = cells};
     bw_chart chart = {0};
-    bw_status status = bw_points_init(ctx, &out->points, cells);
+    bw_status status = bw_cells_open_all(ctx, cells);
+    if (status == BW_OK) status = bw_points_init(ctx, &out->points, cells);
     out->straight = bw_alloc(ctx, cells->half_count, sizeof *out->straight);
     out->size = bw_alloc(ctx, cells->polygon_count, sizeof *out->size);
     out->fan = bw_alloc(ctx, cells->polygon_count, sizeof *out->fan);

@@ -34,8 +34,8 @@ typedef struct {
     bw_half *ring;   /* scratch of bw_tessellation_triangles: 2 * largest */
 } bw_tessellation;
 
-/* Decides everything. `cells` must outlive the tessellation. O(n) but for cells with very many polygons. */
-bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, const bw_cells *cells);
+/* Decides everything, after opening all tets. `cells` must outlive the tessellation. O(n) but for cells with very many polygons. */
+bw_status bw_tessellate(bw_context *ctx, bw_tessellation *out, bw_cells *cells);
 void bw_tessellation_clear(bw_context *ctx, bw_tessellation *tessellation);
 
 /* The size[p] - 2 triangles of a polygon, in the sense of its half-edges. Not for two threads at a time. */

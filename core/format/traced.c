@@ -163,8 +163,7 @@ static uint64_t feature_facet_pieces(writer *w, bw_polygon p, bool write) {
     return (uint64_t)w->t->size[p] - 2;
 }
 
-/* Edges (size 2) or facets (size 3); the complex's first edges and polygons have the numbers of the mesh's.
- */
+/* Edges (size 2) or facets (size 3). */
 static bw_status features_of(writer *w, int size, bool write, uint64_t *count) {
     const bw_tet_mesh *mesh = w->mesh;
     size_t total = size == 2 ? mesh->feature_edge_count : mesh->feature_facet_count;
@@ -177,7 +176,8 @@ static bw_status features_of(writer *w, int size, bool write, uint64_t *count) {
         if (at == BW_NONE)
             return bw_fail(w->ctx, BW_E_CHECK, "feature %s %zu is none of the mesh",
                            size == 2 ? "edge" : "facet", i);
-        *count += size == 2 ? feature_edge_pieces(w, at, write) : feature_facet_pieces(w, at, write);
+        *count += size == 2 ? feature_edge_pieces(w, w->cells->of_edge[at], write)
+                            : feature_facet_pieces(w, w->cells->of_facet[at], write);
     }
     return BW_OK;
 }

@@ -26,7 +26,7 @@ typedef struct {
 } bw_vtm_written;
 
 /* Writes the files into the folder, each under another name first, complex.vtm last. position: [vertex of the
- * cell complex], at least those (the points of a tessellation begin with them). On failure nothing of the
+ * cell complex], at least those (the points of a tessellation begin with them). All tets are opened. On failure nothing of the
  * file at fault is left. O(n). */
 bw_status bw_vtm_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex,
                        const double (*position)[3], const char *out_dir,

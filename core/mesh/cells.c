@@ -27,7 +27,8 @@ typedef struct bw_cut_face face;
 
 void bw_cells_clear(bw_context *ctx, bw_cells *cells) {
     bw_free(ctx, cells->vertex), bw_free(ctx, cells->edge), bw_free(ctx, cells->half);
-    bw_free(ctx, cells->polygon), bw_free(ctx, cells->cell);
+    bw_free(ctx, cells->polygon), bw_free(ctx, cells->first), bw_free(ctx, cells->cut_from);
+    bw_free(ctx, cells->of_edge), bw_free(ctx, cells->of_facet);
     bw_free(ctx, cells->sign), bw_free(ctx, cells->face), bw_free(ctx, cells->corner);
     memset(cells, 0, sizeof *cells);
 }
@@ -37,7 +38,8 @@ bw_status bw_cells_trim(bw_context *ctx, bw_cells *c) {
     if (s == BW_OK) s = bw_trim(ctx, &c->edge, &c->edge_room, c->edge_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->half, &c->half_room, c->half_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->polygon, &c->polygon_room, c->polygon_count);
-    if (s == BW_OK) s = bw_trim(ctx, &c->cell, &c->cell_room, c->cell_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->first, &c->cell_room, c->cell_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->cut_from, &c->cut_room, c->cell_count - c->mesh->tet_count);
     bw_free(ctx, c->sign), bw_free(ctx, c->face), bw_free(ctx, c->corner);
     c->sign = NULL, c->face = NULL, c->corner = NULL;
     c->sign_room = c->face_room = c->corner_room = 0;
@@ -58,7 +60,8 @@ static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t
     if (s == BW_OK) s = bw_reserve(ctx, &c->edge, &c->edge_room, c->edge_count + 2 * halves + polygons);
     if (s == BW_OK) s = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + 4 * polygons + 2 * halves);
     if (s == BW_OK) s = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 2 * polygons + 1);
-    if (s == BW_OK) s = bw_reserve(ctx, &c->cell, &c->cell_room, c->cell_count + 1);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->first, &c->cell_room, c->cell_count + 1);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->cut_from, &c->cut_room, c->cell_count + 1 - c->mesh->tet_count);
     if (s == BW_OK) s = make_room_for_signs(ctx, c);
     if (s == BW_OK && (c->vertex_count > INT32_MAX / 4 || c->half_count > INT32_MAX / 4))
         s = bw_fail(ctx, BW_E_LIMIT, "the cut complex has more elements than a 32-bit index can name");
@@ -76,54 +79,126 @@ static void link_radial(bw_cells *c, bw_half h, bw_cedge e) {
     }
 }
 
+/* ---- the uncut complex --------------------------------------------------------------------------------------------- */
+
 static bw_cedge mesh_edge_between(const bw_tet_mesh *mesh, bw_tet t, bw_vertex a, bw_vertex b) {
     return mesh->tet_edge[t][bw_tet_edge_of[bw_tet_corner(mesh, t, a)][bw_tet_corner(mesh, t, b)]];
 }
 
-static void init_polygon(bw_cells *c, bw_facet f) {
-    const bw_tet_mesh *mesh = c->mesh;
-    bw_cell_polygon *p = &c->polygon[f];
-    bool boundary = mesh->facet_tet[f][1] == BW_NONE;
-    *p = (bw_cell_polygon){.axis = -1, .carrier = f, .half = 3 * f, .parent = BW_NONE,
-                           .cell = {mesh->facet_tet[f][0], mesh->facet_tet[f][1]}, .in_cell = {BW_NONE, BW_NONE},
-                           .kind = BW_IN_FACET, .flags = boundary ? BW_WALL | BW_BOUNDARY : 0};
-    const int64_t *x[3];
-    for (int i = 0; i < 3; i++)
-        x[i] = c->map->value[p->cell[0]][bw_tet_corner(mesh, p->cell[0], mesh->facet[f][i])];
-    for (int8_t k = 0; k < 3; k++)
-        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p->axis = k, p->value = x[0][k];
-    for (int i = 0; i < 3; i++) {
-        bw_half h = 3 * f + i;
-        bw_vertex a = mesh->facet[f][i], b = mesh->facet[f][(i + 1) % 3];
-        c->half[h] = (bw_cell_half){.origin = a, .polygon = f, .next = 3 * f + (i + 1) % 3};
-        link_radial(c, h, mesh_edge_between(mesh, p->cell[0], a, b));
+/* The complex edge of a whole mesh edge, made if there is none yet. */
+static bw_status edge_of(bw_context *ctx, bw_cells *c, bw_edge edge, bw_cedge *out) {
+    *out = c->of_edge[edge];
+    if (*out != BW_NONE) return BW_OK;
+    bw_status status = bw_reserve(ctx, &c->edge, &c->edge_room, c->edge_count + 1);
+    if (status != BW_OK) return status;
+    *out = c->of_edge[edge] = (bw_cedge)c->edge_count++;
+    c->edge[*out] = (bw_cell_edge){.carrier = edge, .vertex = {c->mesh->edge[edge][0], c->mesh->edge[edge][1]},
+                                   .half = BW_NONE, .child = BW_NONE, .kind = BW_IN_EDGE};
+    return BW_OK;
+}
+
+/* Half-edges of a new polygon from vertex `from` along an edge, or along its parts if it was split; they get consecutive numbers. */
+static bw_status add_halves(bw_context *ctx, bw_cells *c, bw_polygon p, bw_cvertex from, bw_cedge e) {
+    bw_status status = BW_OK;
+    if (c->edge[e].child != BW_NONE) {
+        int first = c->edge[e].vertex[0] != from;
+        status = add_halves(ctx, c, p, from, bw_cells_edge_part(c, e, first));
+        if (status == BW_OK)
+            status = add_halves(ctx, c, p, c->edge[bw_cells_edge_part(c, e, 0)].vertex[1], bw_cells_edge_part(c, e, !first));
+        return status;
     }
+    status = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + 1);
+    if (status != BW_OK) return status;
+    bw_half h = (bw_half)c->half_count++;
+    c->half[h] = (bw_cell_half){.origin = from, .polygon = p, .next = h + 1};
+    link_radial(c, h, e);
+    return BW_OK;
+}
+
+static bw_cell_polygon uncut_facet(const bw_cells *c, bw_facet f) {
+    const bw_tet_mesh *mesh = c->mesh;
+    bool boundary = mesh->facet_tet[f][1] == BW_NONE;
+    bw_cell_polygon p = {.axis = -1, .carrier = f, .half = (bw_half)c->half_count, .parent = BW_NONE,
+                         .cell = {mesh->facet_tet[f][0], mesh->facet_tet[f][1]}, .in_cell = {BW_NONE, BW_NONE},
+                         .kind = BW_IN_FACET, .flags = boundary ? BW_WALL | BW_BOUNDARY : 0};
+    const int64_t *x[3];
+    for (int i = 0; i < 3; i++) x[i] = c->map->value[p.cell[0]][bw_tet_corner(mesh, p.cell[0], mesh->facet[f][i])];
+    for (int8_t k = 0; k < 3; k++)
+        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p.axis = k, p.value = x[0][k];
+    return p;
+}
+
+bw_status bw_cells_polygon_of(bw_context *ctx, bw_cells *c, bw_facet f, bw_polygon *out) {
+    const bw_tet_mesh *mesh = c->mesh;
+    *out = c->of_facet[f];
+    if (*out != BW_NONE) return BW_OK;
+    bw_status status = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 1);
+    if (status != BW_OK) return status;
+    *out = c->of_facet[f] = (bw_polygon)c->polygon_count++;
+    c->polygon[*out] = uncut_facet(c, f);
+    for (int i = 0; i < 3 && status == BW_OK; i++) {
+        bw_vertex a = mesh->facet[f][i], b = mesh->facet[f][(i + 1) % 3];
+        bw_cedge e;
+        status = edge_of(ctx, c, mesh_edge_between(mesh, mesh->facet_tet[f][0], a, b), &e);
+        if (status == BW_OK) status = add_halves(ctx, c, *out, a, e);
+    }
+    if (status == BW_OK) c->half[c->half_count - 1].next = c->polygon[*out].half;
+    return status;
+}
+
+/* Appends the leaves of a facet's polygon to the list of a tet: after polygon `last`, or as the first if that is BW_NONE. */
+static void append_leaves(bw_cells *c, bw_tet t, bw_polygon p, bw_polygon *last) {
+    if (!bw_cells_polygon_is_leaf(c, p)) {
+        for (int i = 0; i < 2; i++) append_leaves(c, t, bw_cells_polygon_part(c, p, i), last);
+        return;
+    }
+    c->polygon[p].in_cell[c->polygon[p].cell[0] != t] = BW_NONE;
+    if (*last == BW_NONE) c->first[t] = p;
+    else c->polygon[*last].in_cell[c->polygon[*last].cell[0] != t] = p;
+    *last = p;
+}
+
+bw_status bw_cells_open(bw_context *ctx, bw_cells *cells, bw_tet tet) {
+    if (bw_cells_is_open(cells, tet)) return BW_OK;
+    bw_polygon polygon[4], last = BW_NONE;
+    for (int i = 0; i < 4; i++) {
+        bw_status status = bw_cells_polygon_of(ctx, cells, cells->mesh->tet_facet[tet][i], &polygon[i]);
+        if (status != BW_OK) return status;
+    }
+    for (int i = 0; i < 4; i++) append_leaves(cells, tet, polygon[i], &last);
+    return BW_OK;
+}
+
+bw_status bw_cells_open_all(bw_context *ctx, bw_cells *cells) {
+    bw_status status = BW_OK;
+    for (size_t t = 0; t < cells->mesh->tet_count && status == BW_OK; t++) status = bw_cells_open(ctx, cells, (bw_tet)t);
+    return status;
+}
+
+static int32_t *alloc_none(bw_context *ctx, size_t count) {
+    int32_t *list = bw_alloc(ctx, count, sizeof *list);
+    if (list) memset(list, 0xff, count * sizeof *list); /* BW_NONE */
+    return list;
 }
 
 bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mesh, const bw_grid_map *map) {
     memset(cells, 0, sizeof *cells);
     cells->mesh = mesh, cells->map = map;
     if (mesh->facet_count > INT32_MAX / 16) return bw_fail(ctx, BW_E_LIMIT, "the mesh has more facets than can be cut");
-    cells->vertex_count = mesh->vertex_count, cells->edge_count = mesh->edge_count;
-    cells->polygon_count = mesh->facet_count, cells->half_count = 3 * mesh->facet_count;
-    cells->cell_count = mesh->tet_count;
-    bw_status status = make_room(ctx, cells, 0, 0);
-    if (status != BW_OK) return status;
-    for (size_t v = 0; v < mesh->vertex_count; v++)
+    cells->vertex_count = cells->vertex_room = mesh->vertex_count;
+    cells->cell_count = cells->cell_room = mesh->tet_count;
+    cells->vertex = bw_alloc(ctx, mesh->vertex_count, sizeof *cells->vertex);
+    cells->first = alloc_none(ctx, mesh->tet_count);
+    cells->of_edge = alloc_none(ctx, mesh->edge_count);
+    cells->of_facet = alloc_none(ctx, mesh->facet_count);
+    bw_status status = ctx->error.status;
+    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++)
         cells->vertex[v] = (bw_cell_vertex){.kind = BW_IN_VERTEX, .carrier = (int32_t)v};
-    for (size_t e = 0; e < mesh->edge_count; e++)
-        cells->edge[e] = (bw_cell_edge){.carrier = (int32_t)e, .vertex = {mesh->edge[e][0], mesh->edge[e][1]},
-                                        .half = BW_NONE, .child = BW_NONE, .kind = BW_IN_EDGE};
-    for (size_t f = 0; f < mesh->facet_count; f++) init_polygon(cells, (bw_facet)f);
-    for (size_t t = 0; t < mesh->tet_count; t++) {
-        cells->cell[t] = (bw_cell_body){.tet = (bw_tet)t, .first = BW_NONE};
-        for (int i = 3; i >= 0; i--) {
-            bw_polygon p = mesh->tet_facet[t][i];
-            cells->polygon[p].in_cell[cells->polygon[p].cell[0] != (bw_cell)t] = cells->cell[t].first;
-            cells->cell[t].first = p;
-        }
+    for (size_t f = 0; f < mesh->facet_count && status == BW_OK; f++) {
+        bw_polygon boundary;
+        if (mesh->facet_tet[f][1] == BW_NONE) status = bw_cells_polygon_of(ctx, cells, (bw_facet)f, &boundary);
     }
-    return BW_OK;
+    return status;
 }
 
 /* ---- splitting ----------------------------------------------------------------------------------------------------- */
@@ -163,11 +238,11 @@ static void replace_in_cell(bw_cells *c, bw_cell cell, bw_polygon old, bw_polygo
     int slot = c->polygon[part].cell[0] != cell;
     c->polygon[part].in_cell[slot] = part + 1;
     c->polygon[part + 1].in_cell[slot] = rest;
-    if (c->cell[cell].first == old) {
-        c->cell[cell].first = part;
+    if (c->first[cell] == old) {
+        c->first[cell] = part;
         return;
     }
-    bw_polygon p = c->cell[cell].first, next;
+    bw_polygon p = c->first[cell], next;
     while ((next = bw_cells_next_in_cell(c, p, cell)) != old) p = next;
     c->polygon[p].in_cell[c->polygon[p].cell[0] != cell] = part;
 }
@@ -197,7 +272,7 @@ static bw_polygon split_polygon(bw_cells *c, bw_cell cell, bw_polygon p, const b
         close_cycle(c, part + i, h[i], last[i], c->edge[e].vertex[!i], e);
     }
     bw_cell across = bw_cells_across(c, p, cell);
-    if (across != BW_NONE) replace_in_cell(c, across, p, part);
+    if (across != BW_NONE && bw_cells_is_open(c, across)) replace_in_cell(c, across, p, part);
     c->polygon[p].half = BW_NONE;
     c->polygon[p].in_cell[0] = part;
     return part;
@@ -217,7 +292,7 @@ static unsigned side_of(int sign) { return sign < 0 ? BELOW : sign > 0 ? ABOVE :
 
 /* The three steps of looking at a cell. Each touches memory all over the place and tells the processor what the next will need. */
 static bw_status collect_faces(bw_context *ctx, bw_cells *c, cut *k) {
-    bw_polygon p = c->cell[k->cell].first;
+    bw_polygon p = c->first[k->cell];
     for (;; p = bw_cells_next_in_cell(c, p, k->cell), k->faces++) {
         bw_status status = bw_reserve(ctx, &c->face, &c->face_room, k->faces + 1);
         if (status != BW_OK) return status;
@@ -352,7 +427,7 @@ static void hand_over(bw_cells *c, const cut *k, bw_cell other, bw_polygon p, bo
 /* Distributes the polygons of the cut cell over it (below) and the new cell (above). */
 static void divide_cell(bw_cells *c, const cut *k, bw_cell other, bw_polygon section) {
     bw_polygon tail[2] = {section, section};
-    c->cell[k->cell].first = c->cell[other].first = section;
+    c->first[k->cell] = c->first[other] = section;
     for (const face *f = c->face; f < c->face + k->faces; f++) {
         if (f->part == BW_NONE) {
             hand_over(c, k, other, f->polygon, f->sides == ABOVE, tail);
@@ -364,10 +439,11 @@ static void divide_cell(bw_cells *c, const cut *k, bw_cell other, bw_polygon sec
 }
 
 bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane plane, bw_polygon *section) {
-    cut k = {.cell = cell, .tet = cells->cell[cell].tet, .plane = plane};
+    cut k = {.cell = cell, .tet = bw_cells_tet(cells, cell), .plane = plane};
     size_t vertices = cells->vertex_count;
     *section = BW_NONE;
     bw_status status = cells->sign_room < vertices ? make_room_for_signs(ctx, cells) : BW_OK;
+    if (status == BW_OK && !bw_cells_is_open(cells, cell)) status = bw_cells_open(ctx, cells, cell);
     if (status == BW_OK) status = collect_faces(ctx, cells, &k);
     if (status == BW_OK) status = collect_corners(ctx, cells, &k);
     if (status == BW_OK) classify(cells, &k);
@@ -378,7 +454,7 @@ bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane 
         if (status == BW_OK) {
             split_crossed_polygons(cells, &k);
             bw_cell other = (bw_cell)cells->cell_count++;
-            cells->cell[other] = (bw_cell_body){.tet = k.tet, .first = BW_NONE};
+            cells->cut_from[(size_t)other - cells->mesh->tet_count] = k.tet;
             *section = make_section(cells, &k, other);
             divide_cell(cells, &k, other, *section);
         }
@@ -394,5 +470,5 @@ bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane 
 bw_transition bw_cells_transition(const bw_cells *cells, bw_polygon polygon, bw_cell from) {
     const bw_cell_polygon *p = &cells->polygon[polygon];
     if (p->kind == BW_IN_TET) return (bw_transition){{0, 0, 0}, 0};
-    return bw_grid_map_across(cells->mesh, cells->map, p->carrier, cells->cell[from].tet);
+    return bw_grid_map_across(cells->mesh, cells->map, p->carrier, bw_cells_tet(cells, from));
 }

@@ -4,6 +4,10 @@
  * set of convex polyhedra. Cutting a cell splits that cell only; its neighbours merely get extra vertices and edges on
  * their boundary. Everything is index based, in pooled arrays; what is split keeps its slot and names its children.
  *
+ * Most tets of a large mesh are never cut, and cost next to nothing: a tet is *opened* when it is cut. Only opened tets have a list of polygons;
+ * a facet becomes a polygon (and its edges complex edges) when it is burnt or a tet beside it is opened, boundary facets at once. Walks
+ * pass through what is not opened on the tet mesh itself (mesh/walk.h). A tet's first cell has the tet's number, opened or not.
+ *
  * Invariants (bw_cells_check)
  *  1. Conforming: two cells share whole polygons, two polygons share whole edges. Polygons and cells are convex, but may
  *     have consecutive collinear edges and coplanar neighbouring polygons.
@@ -19,6 +23,8 @@
  *  4. Every polygon lies in a facet or, with its iso-plane, in the interior of a tet.
  *  5. A polygon's half-edges form a cycle; all half-edges of an edge form a radial ring, in no particular order.
  *  6. Only leaves (half != BW_NONE) have half-edges and belong to cells.
+ *  7. All facets of an opened tet are polygons. A polygon names both its cells, opened or not; the parts of a facet are those of its
+ *     polygon, of_facet[facet].
  */
 #ifndef BW_MESH_CELLS_H
 #define BW_MESH_CELLS_H
@@ -65,18 +71,13 @@ typedef struct {
     int32_t carrier;       /* bw_facet or bw_tet */
     bw_half half;          /* any half-edge; BW_NONE if the polygon was split */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
-    bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first); of one that was split
-                              in_cell[0] is the first of its two parts, which have consecutive numbers */
+    bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first; unused where the cell is not opened);
+                              of one that was split in_cell[0] is the first of its two parts, which have consecutive numbers */
     bw_polygon parent;     /* that it is a part of, or BW_NONE */
     int8_t axis;           /* kind BW_IN_TET: of the iso-plane in the tet's chart; else -1 unless the facet is aligned, then chart of facet_tet[0] */
     uint8_t kind;          /* bw_carrier: BW_IN_FACET or BW_IN_TET */
     uint8_t flags;         /* BW_WALL, BW_BOUNDARY; children inherit */
 } bw_cell_polygon;
-
-typedef struct {
-    bw_tet tet;
-    bw_polygon first;
-} bw_cell_body;
 
 typedef struct {
     const bw_tet_mesh *mesh; /* borrowed */
@@ -86,8 +87,11 @@ typedef struct {
     bw_cell_edge *edge;
     bw_cell_half *half;
     bw_cell_polygon *polygon;
-    bw_cell_body *cell;
-    size_t vertex_room, edge_room, half_room, polygon_room, cell_room; /* capacities */
+    bw_polygon *first;    /* [cell]: its first polygon; BW_NONE for a tet that is not opened */
+    bw_tet *cut_from;     /* [cell - tet_count]: the tet that a cell made by a cut lies in */
+    bw_cedge *of_edge;    /* [mesh edge]: the whole edge as a complex edge; BW_NONE if none of its facets is a polygon */
+    bw_polygon *of_facet; /* [facet]: the whole facet as a polygon, or BW_NONE */
+    size_t vertex_room, edge_room, half_room, polygon_room, cell_room, cut_room; /* capacities */
     /* scratch of bw_cells_cut */
     int8_t *sign; /* [vertex]: its side in the running cut; 2 = not known */
     size_t sign_room;
@@ -96,21 +100,33 @@ typedef struct {
     size_t face_room, corner_room;
 } bw_cells;
 
-/* The uncut complex: vertices, edges, polygons and cells have the numbers of the mesh's vertices, edges, facets, tets.
- * Boundary polygons get BW_WALL | BW_BOUNDARY. */
+/* The uncut complex, no tet opened: vertices and cells have the numbers of the mesh's vertices and tets, boundary facets are polygons with
+ * BW_WALL | BW_BOUNDARY. */
 bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mesh, const bw_grid_map *map);
 void bw_cells_clear(bw_context *ctx, bw_cells *cells);
 /* Gives back the room for further cuts, which take it anew. */
 bw_status bw_cells_trim(bw_context *ctx, bw_cells *cells);
 
+/* The polygon of a facet, made if there is none yet. */
+bw_status bw_cells_polygon_of(bw_context *ctx, bw_cells *cells, bw_facet facet, bw_polygon *out);
+/* Opens a tet, if that was not done; all tets. */
+bw_status bw_cells_open(bw_context *ctx, bw_cells *cells, bw_tet tet);
+bw_status bw_cells_open_all(bw_context *ctx, bw_cells *cells);
+
 /* Sign of (coordinate of vertex - plane), plane in the chart of `tet`; the vertex lies in the closed tet. Exact. */
 int bw_cells_side(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, bw_plane plane);
 
-/* Cuts a cell by a plane given in the chart of its tet. *section: the polygon in the plane, new, or an existing face of the
+/* Cuts a cell, opened if it is a tet that was not, by a plane given in the chart of its tet. *section: the polygon in the plane, new, or an existing face of the
  * cell in the plane; BW_NONE if plane and cell share less than a polygon. The two halves are `cell` and the
  * newest cell. O(size of the cell + polygons around its cut edges). */
 bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane plane, bw_polygon *section);
 
+static inline bool bw_cells_is_open(const bw_cells *cells, bw_cell cell) { return cells->first[cell] != BW_NONE; }
+/* The tet that a cell lies in. */
+static inline bw_tet bw_cells_tet(const bw_cells *cells, bw_cell cell) {
+    size_t tets = cells->mesh->tet_count;
+    return (size_t)cell < tets ? cell : cells->cut_from[(size_t)cell - tets];
+}
 static inline bw_cell bw_cells_across(const bw_cells *cells, bw_polygon p, bw_cell from) {
     return cells->polygon[p].cell[cells->polygon[p].cell[0] == from];
 }
@@ -165,7 +181,7 @@ void bw_cells_parameter(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, mp
 /* Position in the input's space, to double rounding. */
 void bw_cells_position(const bw_cells *cells, bw_cvertex vertex, double out[3]);
 
-/* Verifies every invariant above. BW_E_CHECK naming the first violation. O(n). */
+/* Verifies every invariant above. BW_E_CHECK naming the first violation. Linear in the numbers of polygons and cells. */
 bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells);
 
 #endif

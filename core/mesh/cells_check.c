@@ -68,6 +68,17 @@ static bw_status check_half(bw_context *ctx, const checker *k, bw_half h, bw_pol
     return k->half_seen[h] & IN_RING ? BW_OK : violated(ctx, "a half-edge is missing from its radial ring", h);
 }
 
+/* A tet that is not opened has no list of polygons: those that name it are looked at from their side. */
+static bw_status check_unopened(bw_context *ctx, const bw_cells *c, bw_polygon p) {
+    for (int i = 0; i < 2; i++) {
+        bw_cell cell = c->polygon[p].cell[i];
+        if (cell == BW_NONE || bw_cells_is_open(c, cell)) continue;
+        if ((size_t)cell >= c->mesh->tet_count || c->polygon[p].kind != BW_IN_FACET || c->mesh->facet_tet[c->polygon[p].carrier][i] != cell)
+            return violated(ctx, "a polygon names a cell without polygons", p);
+    }
+    return BW_OK;
+}
+
 static bw_status check_polygon(bw_context *ctx, const checker *k, bw_polygon p) {
     const bw_cells *c = k->c;
     size_t n = 0;
@@ -81,7 +92,7 @@ static bw_status check_polygon(bw_context *ctx, const checker *k, bw_polygon p) 
     } while (h != c->polygon[p].half);
     if (n < 3) return violated(ctx, "a polygon has fewer than three vertices", p);
     if (c->polygon[p].cell[0] == BW_NONE) return violated(ctx, "a polygon has no first cell", p);
-    return BW_OK;
+    return check_unopened(ctx, c, p);
 }
 
 static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
@@ -96,11 +107,11 @@ static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int r
 /* ---- cells --------------------------------------------------------------------------------------------------------- */
 
 #define FOR_POLYGONS(c, p, cell_)                                                                                     \
-    for (bw_polygon p = (c)->cell[cell_].first; p != BW_NONE; p = bw_cells_next_in_cell((c), p, (cell_)))
+    for (bw_polygon p = (c)->first[cell_]; p != BW_NONE; p = bw_cells_next_in_cell((c), p, (cell_)))
 
 static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, bw_polygon polygon) {
     const bw_cell_polygon *p = &c->polygon[polygon];
-    bw_tet tet = c->cell[cell].tet;
+    bw_tet tet = bw_cells_tet(c, cell);
     if (!bw_cells_polygon_is_leaf(c, polygon)) return violated(ctx, "a cell lists a polygon that was split", cell);
     if (p->cell[0] != cell && p->cell[1] != cell) return violated(ctx, "a cell lists a polygon that does not name it", cell);
     if (p->kind == BW_IN_TET ? p->carrier != tet
@@ -132,7 +143,7 @@ static void locate(const bw_cells *c, const scratch *s, bw_cell cell, batch *at)
             uint32_t i = s->vertex_seen[v] - at->first;
             h = c->half[h].next;
             if (i > at->count || i >= BATCH) continue;
-            if (i == at->count) at->vertex[at->count++].fractions = bw_cells_locate(c, v, c->cell[cell].tet, at->vertex[i].floor);
+            if (i == at->count) at->vertex[at->count++].fractions = bw_cells_locate(c, v, bw_cells_tet(c, cell), at->vertex[i].floor);
         } while (h != c->polygon[p].half);
     }
 }
@@ -160,6 +171,21 @@ static bw_status check_convex(bw_context *ctx, const bw_cells *c, const scratch 
     return BW_OK;
 }
 
+/* Every facet of a tet that was opened is a polygon, and what the mesh's elements point to are they. */
+static bw_status check_whole(bw_context *ctx, const bw_cells *c, bw_tet tet) {
+    for (int i = 0; i < 4; i++) {
+        bw_facet f = c->mesh->tet_facet[tet][i];
+        bw_polygon p = c->of_facet[f];
+        bool boundary = c->mesh->facet_tet[f][1] == BW_NONE;
+        if (p == BW_NONE && (boundary || bw_cells_is_open(c, tet))) return violated(ctx, "a facet is no polygon", f);
+        if (p == BW_NONE) continue;
+        if (c->polygon[p].kind != BW_IN_FACET || c->polygon[p].carrier != f || c->polygon[p].parent != BW_NONE)
+            return violated(ctx, "a facet's polygon is another's", f);
+        if (boundary != ((c->polygon[p].flags & BW_BOUNDARY) != 0)) return violated(ctx, "a polygon is not marked as its facet", p);
+    }
+    return BW_OK;
+}
+
 /* The cell's polygons close up: each of their edges is in exactly two of them; by Euler's formula they form a sphere if they
  * are connected, which two faces per edge and one ring per vertex give: V - E + F = 2. */
 static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_cell cell) {
@@ -169,7 +195,7 @@ static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_c
     s->visited += s->count;
     s->count = 0;
     s->edges = s->closed = 0;
-    for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
         status = check_place(ctx, c, cell, p);
         if (status == BW_OK) status = visit_polygon(ctx, c, s, cell, p);
         was_cut = was_cut || c->polygon[p].kind == BW_IN_TET;
@@ -181,7 +207,7 @@ static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_c
         batch at;
         at.first = s->visited + 1 + done, at.count = 0;
         locate(c, s, cell, &at);
-        for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell))
+        for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell))
             if (c->polygon[p].kind == BW_IN_TET) status = check_convex(ctx, c, s, cell, p, &at);
     }
     return status;
@@ -190,8 +216,10 @@ static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_c
 static bw_status check_cells(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
     checker *k = user;
     bw_status status = BW_OK;
-    for (size_t cell = begin; cell < end && status == BW_OK; cell++)
-        status = check_cell(ctx, k->c, &k->range[range], (bw_cell)cell);
+    for (size_t cell = begin; cell < end && status == BW_OK; cell++) {
+        if (cell < k->c->mesh->tet_count) status = check_whole(ctx, k->c, (bw_tet)cell);
+        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)cell)) status = check_cell(ctx, k->c, &k->range[range], (bw_cell)cell);
+    }
     return status;
 }
 

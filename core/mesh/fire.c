@@ -102,7 +102,7 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
     c->polygon[p].flags |= (uint8_t)(BW_WALL | f->rules.flags);
     c->polygon[p].distance = distance;
     if (c->polygon[p].cell[0] != cell) heading = turn(bw_cells_transition(c, p, cell).rotation, heading);
-    bw_tet tet = c->cell[c->polygon[p].cell[0]].tet;
+    bw_tet tet = bw_cells_tet(c, c->polygon[p].cell[0]);
     bw_cedge start = edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge;
     int64_t base = heading == EVERYWHERE ? 0 : lowest(c, start, tet, heading);
     bw_half h = c->polygon[p].half;
@@ -157,7 +157,7 @@ static bw_polygon polygon_at(const bw_cells *c, bw_cedge e, bw_cell cell) {
  * cut, of the plane of constant `axis` through the edge. */
 static bw_status ignite_in_cell(bw_fire *f, bw_cedge e, bw_cell cell, int axis, int along) {
     bw_cells *c = f->cells;
-    bw_tet tet = c->cell[cell].tet;
+    bw_tet tet = bw_cells_tet(c, cell);
     int third = 3 - axis - along;
     bool fraction;
     bw_plane plane[2]; /* through the edge: the wall's, and the one that tells on which side of the edge it is */
@@ -186,7 +186,7 @@ bw_status bw_fire_ignite_edge(bw_fire *f, bw_cedge e) {
         size_t count;
         bw_status status = cells_at_edge(f, e, &count);
         for (size_t j = 0; j < count && status == BW_OK; j++) {
-            int along = bw_cells_edge_axis(f->cells, e, f->cells->cell[f->around[j]].tet);
+            int along = bw_cells_edge_axis(f->cells, e, bw_cells_tet(f->cells, f->around[j]));
             status = ignite_in_cell(f, e, f->around[j], (along + i) % 3, along);
         }
         if (status != BW_OK) return status;
@@ -204,7 +204,7 @@ static bool polygon_has_vertex(const bw_cells *c, bw_polygon p, bw_cvertex v) {
 }
 
 static bool cell_has_vertex(const bw_cells *c, bw_cell cell, bw_cvertex v) {
-    for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell))
+    for (bw_polygon p = c->first[cell]; p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell))
         if (polygon_has_vertex(c, p, v)) return true;
     return false;
 }
@@ -214,11 +214,12 @@ static bw_status cells_at_vertex(bw_fire *f, bw_tet tet, bw_cvertex v, size_t *c
     bw_cells *c = f->cells;
     bw_status status = bw_reserve(f->ctx, &f->around, &f->around_room, 16);
     size_t n = 0, at_vertex = 0;
+    if (status == BW_OK) status = bw_cells_open(f->ctx, c, tet);
     if (status != BW_OK) return status;
     f->around[n++] = tet; /* the first cell of a tet keeps its number */
     for (size_t i = 0; i < n && status == BW_OK; i++) {
         bw_cell cell = f->around[i];
-        for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+        for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
             if (c->polygon[p].kind != BW_IN_TET) continue;
             bw_cell to = bw_cells_across(c, p, cell);
             bool known = false;
@@ -240,8 +241,8 @@ static bw_status ignite_cell_at_vertex(bw_fire *f, bw_cell cell, bw_cvertex v, b
     bw_polygon section;
     bw_status status = limited_cut(f, cell, plane, &section);
     if (status != BW_OK || section == BW_NONE) return status;
-    for (bw_polygon p = c->cell[cell].first; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
-        bw_plane q = bw_cells_polygon_plane(c, p, c->cell[cell].tet);
+    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+        bw_plane q = bw_cells_polygon_plane(c, p, bw_cells_tet(c, cell));
         if (q.axis == plane.axis && q.value == plane.value && !(c->polygon[p].flags & BW_WALL) && polygon_has_vertex(c, p, v))
             status = burn(f, p, BW_NONE, cell, 0, EVERYWHERE);
     }
@@ -283,7 +284,7 @@ bw_status bw_fire_ignite_vertex(bw_fire *f, bw_vertex vertex, const bw_tet *tets
 bw_status bw_fire_ignite_polygon(bw_fire *f, bw_polygon p) {
     if (f->cells->polygon[p].flags & BW_WALL) return BW_OK;
     bw_cell cell = f->cells->polygon[p].cell[0];
-    bw_plane plane = bw_cells_polygon_plane(f->cells, p, f->cells->cell[cell].tet);
+    bw_plane plane = bw_cells_polygon_plane(f->cells, p, bw_cells_tet(f->cells, cell));
     return burn(f, p, BW_NONE, cell, 0, (uint8_t)(2 * ((plane.axis + 1) % 3)));
 }
 
@@ -323,10 +324,10 @@ static bw_status cross(bw_fire *f, entry x) {
     bw_polygon from = bw_walk_descendant(c, x.from, x.edge);
     if (from == BW_NONE || !bw_walk_straight(c, x.edge, from, &to))
         return bw_fail(f->ctx, BW_E_INTERNAL, "a wall has no continuation across complex edge %d", x.edge);
-    if (to.polygon == BW_NONE) {
-        bw_status status = limited_cut(f, to.cell, to.plane, &to.polygon);
-        if (status != BW_OK) return status;
-    }
+    bw_status status = BW_OK;
+    if (to.facet != BW_NONE) status = bw_cells_polygon_of(f->ctx, c, to.facet, &to.polygon);
+    else if (to.polygon == BW_NONE) status = limited_cut(f, to.cell, to.plane, &to.polygon);
+    if (status != BW_OK) return status;
     if (c->polygon[to.polygon].flags & BW_WALL) return BW_OK;
     return burn(f, to.polygon, x.edge, to.cell, x.distance, turn(to.chart.rotation, x.heading));
 }

@@ -38,7 +38,8 @@ typedef struct {
 void bw_fire_init(bw_fire *fire, bw_context *ctx, bw_cells *cells, const bw_fire_rules *rules);
 void bw_fire_clear(bw_fire *fire);
 
-/* Sets fire to both iso-surfaces through an axis-parallel complex edge (a leaf), all around it, at distance 0. */
+/* Sets fire to both iso-surfaces through an axis-parallel complex edge (a leaf), all around it, at distance 0. Requires that all tets
+ * around it are opened. */
 bw_status bw_fire_ignite_edge(bw_fire *fire, bw_cedge edge);
 /* Sets fire to the iso-surfaces of the axes in `axes` (bit k: axis k of the chart of `tet`) through a vertex of the tet mesh, all around it.
  * `tets` lists the tets at the vertex, `tet` first. The vertex must be regular. */

@@ -23,48 +23,94 @@ int bw_walk_side(const bw_cells *cells, bw_polygon polygon, bw_cedge edge, bw_te
     return 0;
 }
 
+/* A face of a cell: a polygon, or (BW_NONE) a facet that is no polygon yet. */
+typedef struct {
+    bw_polygon polygon;
+    bw_facet facet;
+} face;
+
+/* The facet of a tet at an edge of the mesh, other than `from`. */
+static bw_facet other_facet(const bw_tet_mesh *mesh, bw_tet tet, bw_edge edge, bw_facet from) {
+    const bw_vertex *end = mesh->edge[edge];
+    for (int i = 0; i < 4; i++) {
+        bw_vertex v = mesh->tet[tet][i];
+        if (v != end[0] && v != end[1] && mesh->tet_facet[tet][i] != from) return mesh->tet_facet[tet][i];
+    }
+    __builtin_unreachable(); /* two facets hold the edge */
+}
+
+/* The other face of a cell at an edge of its face `from`. */
+static face next_face(const bw_cells *c, bw_cedge edge, bw_cell cell, face from) {
+    if (bw_cells_is_open(c, cell) || c->edge[edge].kind != BW_IN_EDGE) /* an edge within a facet parts its polygon */
+        return (face){bw_walk_other(c, edge, cell, from.polygon), BW_NONE};
+    bw_facet at = from.polygon == BW_NONE ? from.facet : c->polygon[from.polygon].carrier;
+    bw_facet facet = other_facet(c->mesh, cell, c->edge[edge].carrier, at);
+    bw_polygon p = c->of_facet[facet];
+    if (p == BW_NONE) return (face){BW_NONE, facet};
+    return (face){bw_cells_polygon_is_leaf(c, p) ? p : bw_walk_descendant(c, p, edge), BW_NONE};
+}
+
+static int face_side(const bw_cells *c, face f, bw_cedge edge, bw_tet tet, bw_plane plane) {
+    if (f.polygon != BW_NONE) return bw_walk_side(c, f.polygon, edge, tet, plane);
+    const bw_vertex *end = c->mesh->edge[c->edge[edge].carrier];
+    for (int i = 0; i < 4; i++) {
+        bw_vertex v = c->mesh->tet[tet][i];
+        if (v == end[0] || v == end[1] || c->mesh->tet_facet[tet][i] == f.facet) continue;
+        int64_t x = c->map->value[tet][i][plane.axis];
+        return (x > plane.value) - (x < plane.value);
+    }
+    __builtin_unreachable(); /* the third corner of the facet */
+}
+
+/* The cell beyond a face of `cell`, and the transition into its chart. */
+static bw_cell step(const bw_cells *c, face f, bw_cell cell, bw_transition *across) {
+    if (f.polygon == BW_NONE) {
+        *across = bw_grid_map_across(c->mesh, c->map, f.facet, cell);
+        return bw_tet_across(c->mesh, f.facet, cell);
+    }
+    *across = bw_cells_transition(c, f.polygon, cell);
+    return bw_cells_across(c, f.polygon, cell);
+}
+
+static bool is_in_facet(const bw_cells *c, face f) { return f.polygon == BW_NONE || c->polygon[f.polygon].kind == BW_IN_FACET; }
+
 bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_continuation *out) {
     bw_cell cell = cells->polygon[from].cell[0];
-    bw_transition chart;
+    bw_transition chart, across;
     memset(&chart, 0, sizeof chart);
-    bw_plane plane = bw_cells_polygon_plane(cells, from, cells->cell[cell].tet);
-    bw_polygon at = from;
+    bw_plane plane = bw_cells_polygon_plane(cells, from, bw_cells_tet(cells, cell));
+    face at = {from, BW_NONE};
     int first = 0, sense = 1; /* sense: whether the plane's axis points as in the first chart */
     for (;;) {
-        bw_polygon next = bw_walk_other(cells, edge, cell, at);
-        int side = sense * bw_walk_side(cells, next, edge, cells->cell[cell].tet, plane);
-        *out = (bw_continuation){side ? BW_NONE : next, cell, plane, chart};
+        at = next_face(cells, edge, cell, at);
+        int side = sense * face_side(cells, at, edge, bw_cells_tet(cells, cell), plane);
+        *out = (bw_continuation){side ? BW_NONE : at.polygon, side ? BW_NONE : at.facet, cell, plane, chart};
         if (side == 0 || (first && side != first)) return true;
         first = side;
-        bw_cell beyond = bw_cells_across(cells, next, cell);
-        if (beyond == BW_NONE) return false;
-        if (cells->polygon[next].kind == BW_IN_FACET) {
-            bw_transition step = bw_cells_transition(cells, next, cell);
-            plane = bw_transition_plane(&step, plane);
-            sense *= bw_rotation_sign[step.rotation][plane.axis];
-            chart = bw_transition_compose(&step, &chart);
-        }
-        cell = beyond, at = next;
+        bool in_facet = is_in_facet(cells, at);
+        cell = step(cells, at, cell, &across);
+        if (cell == BW_NONE) return false;
+        if (!in_facet) continue;
+        plane = bw_transition_plane(&across, plane);
+        sense *= bw_rotation_sign[across.rotation][plane.axis];
+        chart = bw_transition_compose(&across, &chart);
     }
 }
 
 bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bool *flat) {
     bw_cell cell = cells->polygon[from].cell[*slot];
     bw_plane plane = {0, 0};
-    if (flat) plane = bw_cells_polygon_plane(cells, from, cells->cell[cell].tet);
-    for (bw_polygon at = from;;) {
-        bw_polygon next = bw_walk_other(cells, edge, cell, at);
-        if (cells->polygon[next].flags & BW_WALL) {
-            *slot = cells->polygon[next].cell[0] != cell;
-            if (flat) *flat = bw_walk_side(cells, next, edge, cells->cell[cell].tet, plane) == 0;
-            return next;
+    bw_transition across;
+    if (flat) plane = bw_cells_polygon_plane(cells, from, bw_cells_tet(cells, cell));
+    for (face at = {from, BW_NONE};;) {
+        at = next_face(cells, edge, cell, at);
+        if (at.polygon != BW_NONE && cells->polygon[at.polygon].flags & BW_WALL) {
+            *slot = cells->polygon[at.polygon].cell[0] != cell;
+            if (flat) *flat = bw_walk_side(cells, at.polygon, edge, bw_cells_tet(cells, cell), plane) == 0;
+            return at.polygon;
         }
-        if (flat) {
-            bw_transition step = bw_cells_transition(cells, next, cell);
-            plane = bw_transition_plane(&step, plane);
-        }
-        cell = bw_cells_across(cells, next, cell);
-        at = next;
+        cell = step(cells, at, cell, &across);
+        if (flat) plane = bw_transition_plane(&across, plane);
     }
 }
 

@@ -1,10 +1,10 @@
-/* Walking around the edges of a cell complex. */
+/* Walking around the edges of a cell complex, on its polygons and, through tets that are not opened, on the facets of the tet mesh. */
 #ifndef BW_MESH_WALK_H
 #define BW_MESH_WALK_H
 
 #include "mesh/cells.h"
 
-/* The other polygon of `cell` at an edge of its polygon `from`. Exists and is unique. */
+/* The other polygon at an edge of polygon `from` of an opened cell. Exists and is unique. */
 bw_polygon bw_walk_other(const bw_cells *cells, bw_cedge edge, bw_cell cell, bw_polygon from);
 
 /* Side of a polygon with respect to a plane through its edge `edge` (chart of `tet`): the sign of its interior; 0 if it lies in the plane. */
@@ -12,7 +12,8 @@ int bw_walk_side(const bw_cells *cells, bw_polygon polygon, bw_cedge edge, bw_te
 
 /* What continues a polygon straight across one of its edges. */
 typedef struct {
-    bw_polygon polygon; /* the continuation, or BW_NONE: then `cell` has to be cut by `plane` to get it */
+    bw_polygon polygon; /* the continuation; or BW_NONE: */
+    bw_facet facet;     /* then this facet is, which is no polygon yet; or BW_NONE: then `cell` has to be cut by `plane` to get it */
     bw_cell cell;       /* the cell in which the walk ended, and the plane in its tet's chart */
     bw_plane plane;
     bw_transition chart; /* from the chart of the first cell walked through to that of `cell` */

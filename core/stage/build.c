@@ -12,7 +12,7 @@ typedef struct {
 
 /* The plane across the middle of a complex edge, seen from one of its cells. */
 static start across_edge(const bw_cells *c, bw_cedge e, bw_cell cell) {
-    bw_tet tet = c->cell[cell].tet;
+    bw_tet tet = bw_cells_tet(c, cell);
     int axis = bw_cells_edge_axis(c, e, tet);
     if (axis < 0) return (start){.length = 0};
     bool fraction;
@@ -25,50 +25,52 @@ static start across_edge(const bw_cells *c, bw_cedge e, bw_cell cell) {
 
 /* ---- tori ---------------------------------------------------------------------------------------------------------- */
 
-/* Considers the edges of one wall polygon of a cell: keeps the longest right-angled one. */
-static void consider(const bw_cells *c, bw_polygon p, bw_cell cell, start *best) {
+/* Whether a wall polygon bounds a block with the cell in its slot s. Cutting another torus may have added cells that no block has yet. */
+static bool bounds(const bw_cells *c, const bw_complex *x, bw_polygon p, int s, bw_block block) {
+    bw_cell cell = c->polygon[p].cell[s];
+    return bw_cells_polygon_is_leaf(c, p) && c->polygon[p].flags & BW_WALL && cell != BW_NONE && (size_t)cell < x->cell_count &&
+           x->cell_block[cell] == block;
+}
+
+/* Considers the edges of one wall polygon, seen from the cell in its slot s: keeps the longest right-angled one. */
+static void consider(const bw_cells *c, bw_polygon p, int s, start *best) {
     bw_half h = c->polygon[p].half;
     do {
         bw_cedge e = c->half[h].edge;
         h = c->half[h].next;
-        int slot = c->polygon[p].cell[0] != cell;
         bool flat = true;
-        start s = across_edge(c, e, cell);
-        if (s.length <= best->length) continue;
+        start at = across_edge(c, e, c->polygon[p].cell[s]);
+        if (at.length <= best->length) continue;
+        int slot = s;
         bw_walk_wall(c, e, p, &slot, &flat);
-        if (!flat) *best = s;
+        if (!flat) *best = at;
     } while (h != c->polygon[p].half);
 }
 
-static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_cell member) {
+static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_block block) {
     start best = {.length = 0};
-    for (size_t cell = (size_t)member; cell < x->cell_count; cell++) { /* cutting another torus may have added cells */
-        if (x->cell_block[cell] != x->cell_block[member]) continue;
-        for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell))
-            if (c->polygon[p].flags & BW_WALL) consider(c, p, (bw_cell)cell, &best);
-    }
+    for (size_t p = 0; p < c->polygon_count; p++)
+        for (int s = 0; s < 2; s++)
+            if (bounds(c, x, (bw_polygon)p, s, block)) consider(c, (bw_polygon)p, s, &best);
     return best;
 }
 
-/* A vertex of the tet mesh in a block that has no right-angled edge, on its walls if it has any, and the axes in those walls. */
+/* A vertex of the tet mesh in the block of `member`, which has no right-angled edge, on its walls if it has any, and the axes in those walls. */
 static bw_vertex vertex_without_arcs(const bw_cells *c, const bw_complex *x, bw_cell member, bw_tet *tet, unsigned *axes) {
-    for (size_t cell = (size_t)member; cell < x->cell_count; cell++) {
-        if (x->cell_block[cell] != x->cell_block[member]) continue;
-        *tet = c->cell[cell].tet;
-        for (bw_polygon p = c->cell[cell].first; p != BW_NONE; p = bw_cells_next_in_cell(c, p, (bw_cell)cell)) {
-            bw_half h = c->polygon[p].half;
-            do {
-                const bw_cell_vertex *v = &c->vertex[c->half[h].origin];
-                if (c->polygon[p].flags & BW_WALL && v->kind == BW_IN_VERTEX) {
-                    *axes = 7u & ~(1u << bw_cells_polygon_plane(c, p, *tet).axis);
-                    return v->carrier;
-                }
-                h = c->half[h].next;
-            } while (h != c->polygon[p].half);
-        }
+    for (size_t i = 0; i < 2 * c->polygon_count; i++) {
+        bw_polygon p = (bw_polygon)(i / 2);
+        if (!bounds(c, x, p, i % 2, x->cell_block[member])) continue;
+        *tet = bw_cells_tet(c, c->polygon[p].cell[i % 2]);
+        bw_half h = c->polygon[p].half;
+        do {
+            const bw_cell_vertex *v = &c->vertex[c->half[h].origin];
+            *axes = 7u & ~(1u << bw_cells_polygon_plane(c, p, *tet).axis);
+            if (v->kind == BW_IN_VERTEX) return v->carrier;
+            h = c->half[h].next;
+        } while (h != c->polygon[p].half);
     }
     *axes = 7; /* no walls: a closed manifold */
-    *tet = c->cell[member].tet;
+    *tet = bw_cells_tet(c, member);
     return c->mesh->tet[*tet][0];
 }
 
@@ -101,7 +103,7 @@ static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *
     init_fire(&fire, ctx, cells, max_cells);
     bw_status status = BW_OK;
     for (size_t i = 0; i < tori->count && status == BW_OK; i++) {
-        start from = longest_right_angle(cells, complex, tori->cell[i]);
+        start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]]);
         if (from.length) status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
         else status = ignite_anywhere(&fire, complex, tori->cell[i]);
         if (status == BW_OK) status = bw_fire_run(&fire);
@@ -115,7 +117,7 @@ static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_ce
     bw_status status = bw_complex_build(ctx, cells, complex, &tori);
     for (int round = 0; status == BW_OK && tori.count; round++) {
         if (round == 8) { /* one wall opens a torus, two a block without arcs */
-            bw_tet tet = cells->cell[tori.cell[0]].tet;
+            bw_tet tet = bw_cells_tet(cells, tori.cell[0]);
             double centre[3];
             bw_tet_centre(cells->mesh, tet, centre);
             bw_fail_element(ctx, "tet", cells->mesh->tet_id[tet], centre);

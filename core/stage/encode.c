@@ -119,22 +119,22 @@ static bw_status measure_blocks(encoder *e) {
 /* ---- the stage
  * --------------------------------------------------------------------------------------------------- */
 
-static bw_status prepare(encoder *e) {
+static bw_status prepare(encoder *e, bw_cells *cells) {
     if (mkdir(e->folder, 0777) && errno != EEXIST)
         return bw_fail(e->ctx, BW_E_IO, "cannot make the folder %s: %s", e->folder, strerror(errno));
     e->cell_volume = bw_alloc(e->ctx, e->cells->cell_count, sizeof *e->cell_volume);
     e->block_volume = bw_alloc(e->ctx, e->complex->block_count, sizeof *e->block_volume);
     if (!e->cell_volume || !e->block_volume) return e->ctx->error.status;
-    bw_status status = bw_tessellate(e->ctx, &e->tessellation, e->cells);
+    bw_status status = bw_tessellate(e->ctx, &e->tessellation, cells);
     return status == BW_OK ? bw_points_positions(e->ctx, &e->tessellation.points, &e->position) : status;
 }
 
-bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, const bw_cells *cells,
+bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_cells *cells,
                     const bw_complex *complex, bool vtk, bw_report *report, const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
     encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .report = report, .folder = out_dir};
-    bw_status status = prepare(&e);
+    bw_status status = prepare(&e, cells);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);

@@ -15,17 +15,30 @@ static bw_status ignite_feature_facets(bw_fire *fire) {
     const bw_tet_mesh *mesh = fire->cells->mesh;
     bw_status status = BW_OK;
     for (size_t i = 0; i < mesh->feature_facet_count && status == BW_OK; i++) {
-        bw_polygon p = bw_tet_mesh_find_facet(mesh, mesh->feature_facet[i]); /* nothing is cut yet: polygons are facets */
-        status = bw_fire_ignite_polygon(fire, p);
-        fire->cells->polygon[p].flags |= BW_FEATURE;
+        bw_polygon p; /* nothing is cut yet */
+        status = bw_cells_polygon_of(fire->ctx, fire->cells, bw_tet_mesh_find_facet(mesh, mesh->feature_facet[i]), &p);
+        if (status == BW_OK) status = bw_fire_ignite_polygon(fire, p);
+        if (status == BW_OK) fire->cells->polygon[p].flags |= BW_FEATURE;
+    }
+    return status;
+}
+
+/* Opens the tets around the edges that will be lit. */
+static bw_status open_around_edges(bw_fire *fire) {
+    const bw_tet_mesh *mesh = fire->cells->mesh;
+    bw_status status = BW_OK;
+    for (size_t t = 0; t < mesh->tet_count && status == BW_OK; t++) {
+        unsigned flags = 0;
+        for (int i = 0; i < 6; i++) flags |= fire->cells->map->edge_flags[mesh->tet_edge[t][i]];
+        if (flags & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE)) status = bw_cells_open(fire->ctx, fire->cells, (bw_tet)t);
     }
     return status;
 }
 
 static bw_status ignite_edges(bw_fire *fire) {
-    bw_status status = BW_OK;
+    bw_status status = open_around_edges(fire);
     for (size_t e = 0; e < fire->cells->mesh->edge_count && status == BW_OK; e++)
-        if (fire->cells->map->edge_flags[e] & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE)) status = ignite_edge(fire, (bw_cedge)e);
+        if (fire->cells->map->edge_flags[e] & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE)) status = ignite_edge(fire, fire->cells->of_edge[e]);
     return status;
 }
 
@@ -69,7 +82,7 @@ static bw_status ignite_feature_vertex(bw_fire *fire, bw_vertex v, star *s) {
         bw_tet t = s->tet[i];
         const bw_vertex *end = mesh->edge[s->edge[0]];
         if (bw_tet_corner(mesh, t, end[0]) < 0 || bw_tet_corner(mesh, t, end[1]) < 0) continue;
-        axes = 1u << bw_cells_edge_axis(fire->cells, s->edge[0], t);
+        axes = 1u << bw_cells_edge_axis(fire->cells, fire->cells->of_edge[s->edge[0]], t);
         s->tet[i] = s->tet[0], s->tet[0] = t;
         break;
     }

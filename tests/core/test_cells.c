@@ -30,9 +30,10 @@ static void finish(bw_context *ctx, fixture *f) {
 }
 
 /* A plane that is likely to meet the cell, at times through one of its vertices. */
-static bw_plane random_plane(const bw_cells *c, bw_cell cell, kit_random *random) {
-    bw_tet tet = c->cell[cell].tet;
-    bw_half h = c->polygon[c->cell[cell].first].half;
+static bw_plane random_plane(bw_context *ctx, bw_cells *c, bw_cell cell, kit_random *random) {
+    if ((size_t)cell < c->mesh->tet_count) kit_expect_ok(ctx, bw_cells_open(ctx, c, cell));
+    bw_tet tet = bw_cells_tet(c, cell);
+    bw_half h = c->polygon[c->first[cell]].half;
     for (uint64_t steps = kit_random_below(random, 4); steps; steps--) h = c->half[h].next;
     int8_t axis = (int8_t)kit_random_below(random, 3);
     bool fraction;
@@ -54,7 +55,7 @@ static void random_cuts_keep_every_invariant(void **state) {
         for (int i = 0; i < 4000; i++) {
             bw_cell cell = (bw_cell)kit_random_below(&random, f.cells.cell_count);
             bw_polygon section;
-            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&f.cells, cell, &random), &section));
+            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&ctx, &f.cells, cell, &random), &section));
             if (section != BW_NONE) assert_true(bw_cells_polygon_is_leaf(&f.cells, section));
         }
         assert_true(f.cells.cell_count > before + 500);
@@ -74,7 +75,7 @@ static void stored_integers_agree_with_exact_coordinates(void **state) {
     for (int i = 0; i < 2000; i++) {
         bw_cell cell = (bw_cell)kit_random_below(&random, f.cells.cell_count);
         bw_polygon section;
-        kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&f.cells, cell, &random), &section));
+        kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, cell, random_plane(&ctx, &f.cells, cell, &random), &section));
     }
     mpq_t u[3], plane;
     mpz_t floor;
@@ -87,7 +88,7 @@ static void stored_integers_agree_with_exact_coordinates(void **state) {
         bw_cvertex v = f.cells.half[h].origin;
         kinds[f.cells.vertex[v].kind]++;
         for (int s = 0; s < 2 && f.cells.polygon[p].cell[s] != BW_NONE; s++) {
-            bw_tet tet = f.cells.cell[f.cells.polygon[p].cell[s]].tet;
+            bw_tet tet = bw_cells_tet(&f.cells, f.cells.polygon[p].cell[s]);
             bw_cells_parameter(&f.cells, v, tet, u);
             for (int8_t k = 0; k < 3; k++) {
                 bool fraction;
@@ -131,9 +132,16 @@ static void a_plane_that_only_touches_cuts_nothing(void **state) {
     finish(&ctx, &f);
 }
 
+/* The polygon of a boundary facet whose tet is not opened. */
+static bw_polygon boundary_of_closed_tet(const fixture *f) {
+    size_t i = f->mesh.facet_count - 1;
+    while (f->mesh.facet_tet[i][1] != BW_NONE || bw_cells_is_open(&f->cells, f->mesh.facet_tet[i][0])) i--;
+    return f->cells.of_facet[i];
+}
+
 static void damage_is_found(void **state) {
     (void)state;
-    for (int kind = 0; kind < 5; kind++) {
+    for (int kind = 0; kind < 9; kind++) {
         bw_context ctx;
         bw_context_init(&ctx);
         fixture f;
@@ -141,7 +149,7 @@ static void damage_is_found(void **state) {
         bw_polygon section = BW_NONE;
         for (bw_cell c = 0; section == BW_NONE; c++) {
             kit_random random = kit_random_start((uint64_t)c);
-            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, c, random_plane(&f.cells, c, &random), &section));
+            kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, c, random_plane(&ctx, &f.cells, c, &random), &section));
             if (section != BW_NONE && f.cells.polygon[section].kind != BW_IN_TET) section = BW_NONE;
         }
         kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
@@ -151,7 +159,11 @@ static void damage_is_found(void **state) {
         case 1: f.cells.half[h].radial = h; break;
         case 2: f.cells.polygon[section].value++; break;
         case 3: f.cells.polygon[section].cell[0] = f.cells.polygon[section].cell[1]; break;
-        default: f.cells.polygon[section].half = BW_NONE; break;
+        case 4: f.cells.polygon[section].half = BW_NONE; break;
+        case 5: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = BW_NONE; break;
+        case 6: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = section; break;
+        case 7: f.cells.first[f.cells.polygon[section].cell[1]] = BW_NONE; break; /* an opened tet closes again */
+        default: f.cells.polygon[boundary_of_closed_tet(&f)].cell[0]--; break;
         }
         kit_expect_status(&ctx, bw_cells_check(&ctx, &f.cells), BW_E_CHECK);
         finish(&ctx, &f);

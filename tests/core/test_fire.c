@@ -71,11 +71,11 @@ static bw_cell middle_of_block(const fixture *f, bw_block block, int axis, bw_pl
         *plane =
             bw_transition_plane(&back, (bw_plane){f->complex.block_extent[block][axis] / 2, (int8_t)axis});
         int sides = 0;
-        for (bw_polygon p = f->cells.cell[cell].first; p != BW_NONE;
+        for (bw_polygon p = f->cells.first[cell]; p != BW_NONE;
              p = bw_cells_next_in_cell(&f->cells, p, (bw_cell)cell)) {
             bw_half h = f->cells.polygon[p].half;
             do {
-                int side = bw_cells_side(&f->cells, f->cells.half[h].origin, f->cells.cell[cell].tet, *plane);
+                int side = bw_cells_side(&f->cells, f->cells.half[h].origin, bw_cells_tet(&f->cells, cell), *plane);
                 sides |= side < 0 ? 1 : side > 0 ? 2 : 0;
                 h = f->cells.half[h].next;
             } while (h != f->cells.polygon[p].half);
@@ -88,6 +88,7 @@ static bw_cell middle_of_block(const fixture *f, bw_block block, int axis, bw_pl
 static void burn_plane(fixture *f, bool stops, bw_block block, int axis) {
     bw_fire fire;
     bw_plane plane;
+    kit_expect_ok(&f->ctx, bw_cells_open_all(&f->ctx, &f->cells));
     bw_cell cell = middle_of_block(f, block, axis, &plane);
     assert_int_not_equal(cell, BW_NONE);
     bw_fire_init(&fire, &f->ctx, &f->cells,
@@ -241,10 +242,9 @@ static void a_point_on_the_boundary_gives_two(void **state) {
 static bw_status burn_singular_edges(bw_context *ctx, bw_cells *cells, uint64_t max_cells) {
     bw_fire fire;
     bw_fire_init(&fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = true, .max_cells = max_cells});
-    bw_status status = BW_OK;
-    size_t edges = cells->edge_count;
-    for (size_t e = 0; e < edges && status == BW_OK; e++)
-        if (bw_cells_edge_is_singular(cells, (bw_cedge)e)) status = bw_fire_ignite_edge(&fire, (bw_cedge)e);
+    bw_status status = bw_cells_open_all(ctx, cells);
+    for (size_t e = 0; e < cells->mesh->edge_count && status == BW_OK; e++)
+        if (cells->map->edge_flags[e] & BW_EDGE_SINGULAR) status = bw_fire_ignite_edge(&fire, cells->of_edge[e]);
     if (status == BW_OK) status = bw_fire_run(&fire);
     bw_fire_clear(&fire);
     return status;

@@ -117,7 +117,7 @@ static triangle *expected(encoded *e, const bw_view_lattice *lattice, bool skins
                     for (int s = 0; s < 2; s++) {
                         bw_cell cell = e->cells.polygon[p].cell[s];
                         if (cell == BW_NONE || c->cell_block[cell] != c->patch_block[patch][which]) continue;
-                        bw_plane plane = bw_cells_polygon_plane(&e->cells, p, e->cells.cell[cell].tet);
+                        bw_plane plane = bw_cells_polygon_plane(&e->cells, p, bw_cells_tet(&e->cells, cell));
                         plane = bw_transition_plane(&c->cell_chart[cell], plane);
                         if (2 * plane.axis + (plane.value != 0) == c->patch_side[patch][which]) slot = s;
                     }

@@ -40,6 +40,7 @@ static bw_status write_job(bw_context *ctx, void *user) {
 static void begin(job *j, const char *name, int size, bw_complex_kind kind) {
     j->name = name, j->size = size;
     encode_prepare(&j->e, name, size, 0.6, kind);
+    kit_expect_ok(&j->e.ctx, bw_cells_open_all(&j->e.ctx, &j->e.cells));
     j->at = positions(&j->e);
     j->folder = kit_temp_dir();
     kit_expect_ok(&j->e.ctx, write_job(&j->e.ctx, j));
