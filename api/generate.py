@@ -59,7 +59,7 @@ def queries(doc):
 
 def option_rows(doc):
     for name, schema in sorted(doc["components"]["schemas"]["Options"]["properties"].items()):
-        kind = {"string": "ENUM", "number": "NUMBER", "integer": "INTEGER"}.get(schema["type"])
+        kind = {"string": "ENUM", "number": "NUMBER", "integer": "INTEGER", "boolean": "BOOLEAN"}.get(schema["type"])
         if not kind or (kind == "ENUM" and "enum" not in schema):
             die("option %s has a type without a C table" % name)
         if "default" not in schema:
@@ -126,7 +126,7 @@ typedef struct {
 } bw_api_stage;
 extern const bw_api_stage bw_api_stages[BW_API_STAGE_COUNT];
 
-typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER } bw_option_kind;
+typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER, BW_OPTION_BOOLEAN } bw_option_kind;
 enum { BW_API_OPTION_COUNT = %d };
 typedef struct {
     const char *name;

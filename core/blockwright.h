@@ -30,6 +30,7 @@ typedef struct {
     int effort;          /* 0..3: how long reduce searches for fewer blocks; 0 is the paper's order only */
     bw_stage until;      /* last stage to run */
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
+    bool repair;         /* sanitize may move vertices in parameter space where tets are inverted or degenerate */
     bool vtk;            /* encode also writes the complex as a multi-block VTK data set */
     const char *parameters; /* side file with the parameters of a Medit mesh; NULL: none. A path, borrowed; no JSON option */
     uint64_t max_cells;  /* work limit of trace and build: cells that cuts add to the tets (BW_E_LIMIT beyond) */

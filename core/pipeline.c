@@ -32,12 +32,19 @@ static void report_sanitize(bw_report *report, const bw_sanitize_report *found) 
     report->sanitize.system_rows = found->system_rows, report->sanitize.system_columns = found->system_columns;
     report->sanitize.system_rank = found->system_rank, report->sanitize.free_variables = found->free_variables;
     report->sanitize.grid_exponent = found->grid_exponent;
+    report->has_repaired = found->repaired;
+    report->sanitize.repaired.regions = found->region_count, report->sanitize.repaired.tets = found->defective_tets;
+    report->sanitize.repaired.vertices_moved = found->vertices_moved;
+    report->sanitize.repaired.rings = (uint64_t)found->rings;
+    report->sanitize.repaired.displacement_max = found->repair_displacement_max;
+    memcpy(report->sanitize.repaired.places, found->regions, sizeof found->regions);
 }
 
 static bw_status run_sanitize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bw_sanitize_report found;
-    bw_status status = bw_sanitize(ctx, options->tolerance, &state->mesh, &state->map, &found);
+    bw_sanitize_options how = {options->tolerance, options->repair};
+    bw_status status = bw_sanitize(ctx, &how, &state->mesh, &state->map, &found);
     if (state->mesh.facet_tet) bw_report_fill_input(&state->report, &state->mesh);
     if (status != BW_OK) return status;
     bw_report_fill_singular(&state->report, &state->mesh, &state->map);
@@ -197,6 +204,9 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         static const char *const words[] = {"no", "yes"};
         if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option vtk is \"no\" or \"yes\"");
         o->vtk = i == 1;
+    } else if (!strcmp(name, "repair")) {
+        if (!json_is_boolean(value)) return bw_fail(ctx, BW_E_USAGE, "option repair is true or false");
+        o->repair = json_is_true(value);
     } else if (!strcmp(name, "effort")) {
         if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 3)
             return bw_fail(ctx, BW_E_USAGE, "option effort is an integer from 0 to 3");

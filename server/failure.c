@@ -23,29 +23,50 @@ json_t *bw_problem_document(bw_problem problem, const char *detail) {
     return document;
 }
 
+static bool is_point(const json_t *value) {
+    bool numbers = json_array_size(value) == 3;
+    for (size_t i = 0; numbers && i < 3; i++) numbers = json_is_number(json_array_get(value, i));
+    return numbers;
+}
+
 /* One element as the worker lists it, reduced to the members and types that the API promises. NULL if it has none. */
 static json_t *clean_element(const json_t *element) {
     const char *kind = json_string_value(json_object_get(element, "kind"));
     json_t *id = json_object_get(element, "id"), *position = json_object_get(element, "position");
     if (!kind || !json_is_integer(id)) return NULL;
     json_t *clean = json_pack("{s:s, s:O}", "kind", kind, "id", id);
-    bool numbers = json_array_size(position) == 3;
-    for (size_t i = 0; numbers && i < 3; i++) numbers = json_is_number(json_array_get(position, i));
-    if (clean && numbers) json_object_set(clean, "position", position);
+    if (clean && is_point(position)) json_object_set(clean, "position", position);
     return clean;
 }
 
-static void add_elements(json_t *document, const json_t *error) {
-    json_t *given = json_object_get(error, "elements"), *count = json_object_get(error, "element_count");
-    json_t *list = json_array(), *element;
+/* Likewise a region. */
+static json_t *clean_region(const json_t *region) {
+    json_t *tets = json_object_get(region, "tets"), *position = json_object_get(region, "position");
+    json_t *box = json_object_get(region, "box"), *ids = json_array(), *id;
+    json_t *low = json_array_get(box, 0), *high = json_array_get(box, 1);
     size_t i;
-    json_array_foreach(given, i, element) {
-        json_t *clean = clean_element(element);
-        if (clean) json_array_append_new(list, clean);
+    json_array_foreach(json_object_get(region, "ids"), i, id) {
+        if (json_is_integer(id)) json_array_append(ids, id);
+    }
+    if (json_is_integer(tets) && is_point(position) && is_point(low) && is_point(high))
+        return json_pack("{s:O, s:o, s:O, s:[O, O]}", "tets", tets, "ids", ids, "position", position, "box", low, high);
+    json_decref(ids);
+    return NULL;
+}
+
+/* Copies a list and the count of what it lists, if it lists anything that is as it should be. */
+static void add_list(json_t *document, const json_t *error, const char *name, const char *count_name,
+                     json_t *(*clean)(const json_t *)) {
+    json_t *given = json_object_get(error, name), *count = json_object_get(error, count_name);
+    json_t *list = json_array(), *item;
+    size_t i;
+    json_array_foreach(given, i, item) {
+        json_t *good = clean(item);
+        if (good) json_array_append_new(list, good);
     }
     if (json_array_size(list) > 0 && json_is_integer(count)) {
-        json_object_set(document, "element_count", count);
-        json_object_set(document, "elements", list);
+        json_object_set(document, count_name, count);
+        json_object_set(document, name, list);
     }
     json_decref(list);
 }
@@ -57,7 +78,8 @@ char *bw_failure_json(bw_problem problem, const char *stage, const char *detail,
     if (!document) return NULL;
     json_object_set_new(document, "class", json_string(class_ ? class_ : "system"));
     json_object_set_new(document, "stage", json_string(stage));
-    if (error) add_elements(document, error);
+    add_list(document, error, "elements", "element_count", clean_element);
+    add_list(document, error, "regions", "region_count", clean_region);
     char *text = json_dumps(document, JSON_COMPACT);
     json_decref(document);
     return text;

@@ -28,6 +28,8 @@ static json_t *canonical(const bw_api_option *option, json_t *value) {
     case BW_OPTION_INTEGER:
         if (!json_is_integer(value) || !in_range(option, (double)json_integer_value(value))) return NULL;
         return json_integer(json_integer_value(value));
+    case BW_OPTION_BOOLEAN:
+        return json_is_boolean(value) ? json_boolean(json_is_true(value)) : NULL;
     }
     return NULL;
 }
@@ -38,6 +40,8 @@ static void explain(const bw_api_option *option, char *detail, size_t size) {
     if (option->kind == BW_OPTION_ENUM) {
         for (const char *const *v = option->values; *v && at < size; v++)
             at += (size_t)snprintf(detail + at, size - at, "%s%s", v == option->values ? "one of " : ", ", *v);
+    } else if (option->kind == BW_OPTION_BOOLEAN && at < size) {
+        snprintf(detail + at, size - at, "true or false");
     } else if (at < size) {
         snprintf(detail + at, size - at, "%s %s %.15g and %s %.15g",
                  option->kind == BW_OPTION_INTEGER ? "an integer" : "a number",

@@ -7,7 +7,7 @@
 #include "command.h"
 #include "terminal.h"
 
-enum { ELEMENTS_SHOWN = 10 };
+enum { ELEMENTS_SHOWN = 10, IDS_SHOWN = 6 };
 
 void cli_failure_print(const char *subject, const cli_failure *failure) {
     fputs("blockwright: ", stderr);
@@ -31,9 +31,18 @@ void cli_failure_element(cli_failure *failure, const char *kind, int64_t id, con
     fputc('\n', stderr);
 }
 
+void cli_failure_region(cli_failure *failure, uint64_t tets, const int64_t *ids, size_t known, const double position[3]) {
+    if (failure->shown >= ELEMENTS_SHOWN) return;
+    failure->shown++;
+    fprintf(stderr, "  %llu tet%s around (%.9g, %.9g, %.9g)", (unsigned long long)tets, tets == 1 ? "" : "s", position[0],
+            position[1], position[2]);
+    for (size_t i = 0; i < known && i < IDS_SHOWN; i++) fprintf(stderr, "%s %lld", i ? "," : ":", (long long)ids[i]);
+    fputs(tets > IDS_SHOWN ? " ...\n" : "\n", stderr);
+}
+
 void cli_failure_end(const cli_failure *failure) {
-    if (failure->element_count > failure->shown && failure->shown > 0)
-        fprintf(stderr, "  ... and %zu more\n", failure->element_count - failure->shown);
+    if (failure->count > failure->shown && failure->shown > 0)
+        fprintf(stderr, "  ... and %zu more\n", failure->count - failure->shown);
 }
 
 static void json_element(cli_failure *failure, const json_t *element) {
@@ -44,6 +53,16 @@ static void json_element(cli_failure *failure, const json_t *element) {
     if (!kind || !json_is_integer(id)) return;
     for (size_t i = 0; i < 3; i++) position[i] = json_number_value(json_array_get(at, i));
     cli_failure_element(failure, kind, json_integer_value(id), json_array_size(at) == 3 ? position : NULL);
+}
+
+static void json_region(cli_failure *failure, const json_t *region) {
+    const json_t *ids = json_object_get(region, "ids"), *at = json_object_get(region, "position");
+    int64_t id[IDS_SHOWN];
+    size_t known = 0;
+    double position[3];
+    for (; known < IDS_SHOWN && known < json_array_size(ids); known++) id[known] = json_integer_value(json_array_get(ids, known));
+    for (size_t i = 0; i < 3; i++) position[i] = json_number_value(json_array_get(at, i));
+    cli_failure_region(failure, (uint64_t)json_integer_value(json_object_get(region, "tets")), id, known, position);
 }
 
 static int exit_of_class(const char *class_) {
@@ -73,14 +92,18 @@ int cli_failure_problem(const char *subject, const json_t *problem, long http) {
     const char *slash = type ? strrchr(type, '/') : NULL;
     const char *code = slash ? slash + 1 : type ? type : "unknown";
     const char *message = detail ? detail : title ? title : "no reason was given";
-    const json_t *elements = json_object_get(problem, "elements");
-    const json_t *count = json_object_get(problem, "element_count");
-    cli_failure f = {code, message, json_array_size(elements), 0};
-    if (json_is_integer(count)) f.element_count = (size_t)json_integer_value(count);
+    bool places = json_array_size(json_object_get(problem, "regions")) > 0;
+    const json_t *list = json_object_get(problem, places ? "regions" : "elements");
+    const json_t *count = json_object_get(problem, places ? "region_count" : "element_count");
+    cli_failure f = {code, message, json_array_size(list), 0};
+    if (json_is_integer(count)) f.count = (size_t)json_integer_value(count);
     cli_failure_print(subject, &f);
     size_t index;
-    json_t *element;
-    json_array_foreach(elements, index, element) json_element(&f, element);
+    json_t *item;
+    json_array_foreach(list, index, item) {
+        if (places) json_region(&f, item);
+        else json_element(&f, item);
+    }
     cli_failure_end(&f);
     return exit_of_problem(code, text_of(problem, "class"), http);
 }

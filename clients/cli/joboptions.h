@@ -13,7 +13,7 @@ typedef struct {
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells;           /* 0: not given */
-    bool vtk;
+    bool vtk, repair;
     const char *parameters;      /* a file, not one of the options in JSON; NULL: not given */
 } cli_job_options;
 
@@ -28,6 +28,8 @@ typedef struct {
      "how long to search for fewer blocks (default 1)", 0, 0},                                               \
     {"self-adjacent", 0, CLI_CHOICE, offsetof(settings, job.self_adjacent), "allow|split",                   \
      "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
+    {"repair", 0, CLI_FLAG, offsetof(settings, job.repair), NULL,                                            \
+     "re-solve the map where a few tets are inverted or degenerate, if the fix is certain", 0, 0},           \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
     {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|encode",            \

@@ -75,9 +75,14 @@ static bw_status read_options(bw_context *ctx, const settings *s, bw_options *o)
 
 static void print_error(const bw_context *ctx, const char *input) {
     const bw_error *e = &ctx->error;
-    cli_failure failure = {bw_status_code(e->status), e->message, e->element_count, 0};
+    cli_failure failure = {bw_status_code(e->status), e->message, e->region_count ? e->region_count : e->element_count, 0};
     cli_failure_print(input, &failure);
-    for (size_t i = 0; i < e->element_count && i < BW_ELEMENTS_KEPT; i++)
+    for (size_t i = 0; i < e->region_count && i < BW_REGIONS_KEPT; i++) {
+        const bw_region *r = &e->regions[i];
+        size_t known = r->tet_count < BW_REGION_TETS ? r->tet_count : BW_REGION_TETS;
+        cli_failure_region(&failure, r->tet_count, r->tets, known, r->centre);
+    }
+    for (size_t i = 0; !e->region_count && i < e->element_count && i < BW_ELEMENTS_KEPT; i++)
         cli_failure_element(&failure, e->elements[i].kind, e->elements[i].id,
                             e->elements[i].has_position ? e->elements[i].position : NULL);
     cli_failure_end(&failure);

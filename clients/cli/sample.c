@@ -10,7 +10,7 @@
 
 typedef struct {
     const char *out, *scramble;
-    int64_t size, count, seed;
+    int64_t size, count, seed, folds;
     double stretch, noise, perturb;
     bool features, list;
 } settings;
@@ -34,7 +34,9 @@ static const cli_option options[] = {
      "what gets a chart of its own, turned and moved at random", 0, 0},
     {"features", 0, CLI_FLAG, offsetof(settings, features), NULL, "list sharp edges and corners as features",
      0, 0},
-    {"seed", 0, CLI_INTEGER, offsetof(settings, seed), "N", "seed of noise, perturb and scramble", 0, 9e15},
+    {"folds", 0, CLI_INTEGER, offsetof(settings, folds), "N",
+     "moves N vertices past their neighbours in the map: tets there are inverted", 0, 1000},
+    {"seed", 0, CLI_INTEGER, offsetof(settings, seed), "N", "seed of noise, perturb, scramble and folds", 0, 9e15},
 };
 
 static int print_list(void) {
@@ -108,6 +110,7 @@ static int run(const cli_command *self, int argc, char **argv) {
     o.noise = s.noise;
     o.perturb = s.perturb;
     o.features = s.features;
+    o.folds = (int)s.folds;
     if (s.scramble) o.scramble = scramble_of(s.scramble);
     return make(operands.operand[0], &o, s.out);
 }
@@ -120,7 +123,8 @@ const cli_command cli_command_sample = {
              "cuboids, a cylinder, a ball, tori, a pipe tee, a plate with holes and more. The same\n"
              "name and options give the same bytes. With --perturb the map is no longer exactly\n"
              "seamless, as real ones are not; 'blockwright run' then has something to sanitize. With\n"
-             "--scramble neighbouring tets speak of the same place in different charts.",
+             "--scramble neighbouring tets speak of the same place in different charts. With --folds\n"
+             "some tets are inverted; 'blockwright run --repair' can deal with most of them.",
     .examples = "  blockwright sample --list\n"
                 "  blockwright sample part -o part.hexex --noise 0.5 --perturb 1e-6\n"
                 "  blockwright sample plate --count 6 --size 4\n"

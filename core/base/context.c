@@ -37,6 +37,11 @@ void bw_fail_element(bw_context *ctx, const char *kind, int64_t id, const double
     if (position) memcpy(e->position, position, sizeof e->position);
 }
 
+void bw_fail_region(bw_context *ctx, const bw_region *region) {
+    size_t at = ctx->error.region_count++;
+    if (at < BW_REGIONS_KEPT) ctx->error.regions[at] = *region;
+}
+
 void bw_log(bw_context *ctx, const char *format, ...) {
     if (!ctx->log) return;
     char line[1024];

@@ -17,6 +17,7 @@
 #include "base/status.h"
 
 enum { BW_ELEMENTS_KEPT = 32 }; /* offending elements listed by an error; the rest is only counted */
+enum { BW_REGIONS_KEPT = 16, BW_REGION_TETS = 16 };
 
 /* An element at fault: kind is "vertex", "edge", "facet", "tet", "line", ...; id counts from 0 as in the input file. */
 typedef struct {
@@ -26,11 +27,21 @@ typedef struct {
     double position[3]; /* in the input's coordinates */
 } bw_element;
 
+/* A place in which the input is defective: tets that hang together. */
+typedef struct {
+    size_t tet_count;
+    int64_t tets[BW_REGION_TETS]; /* ids of the first of them, as in the input file; 0 beyond tet_count */
+    double centre[3];             /* mean of the tets' centres, in the input's coordinates */
+    double low[3], high[3];       /* box around their vertices */
+} bw_region;
+
 typedef struct {
     bw_status status;
     char message[480];
     size_t element_count; /* how many elements are at fault; the first BW_ELEMENTS_KEPT of them are listed */
     bw_element elements[BW_ELEMENTS_KEPT];
+    size_t region_count; /* in how many places, where that is known; the first BW_REGIONS_KEPT are listed */
+    bw_region regions[BW_REGIONS_KEPT];
 } bw_error;
 
 typedef struct {
@@ -55,6 +66,7 @@ void bw_context_init(bw_context *ctx); /* one thread, no limit, no callbacks */
 bw_status bw_fail(bw_context *ctx, bw_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* Adds an offending element to the error; call it before or after bw_fail. position may be NULL. */
 void bw_fail_element(bw_context *ctx, const char *kind, int64_t id, const double *position);
+void bw_fail_region(bw_context *ctx, const bw_region *region); /* likewise a place */
 void bw_log(bw_context *ctx, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bw_progress(bw_context *ctx, double fraction);
 /* BW_OK, or BW_E_CANCELLED once cancellation was asked for. Cheap: call it in every outer loop. */

@@ -9,7 +9,7 @@
 /* ---- the table: every field of a section, once
  * ------------------------------------------------------------------- */
 
-typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE } field_type;
+typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE, PLACES } field_type;
 
 typedef struct {
     const char *section, *group, *name; /* group: an object inside the section, or NULL */
@@ -21,6 +21,7 @@ typedef struct {
     { section, group, #name, type, offsetof(bw_report, path name), sizeof(((bw_report *)0)->path name) }
 #define INPUT(type, name) MEMBER("input", NULL, type, input., name)
 #define SANITIZE(type, name) MEMBER("sanitize", NULL, type, sanitize., name)
+#define REPAIRED(type, name) MEMBER("sanitize", "repaired", type, sanitize.repaired., name)
 #define TRACE(type, name) MEMBER("trace", NULL, type, trace., name)
 #define COMPLEX(type, name) MEMBER("complex", NULL, type, complex., name)
 #define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
@@ -57,6 +58,12 @@ static const field fields[] = {
     SANITIZE(COUNT, system_rank),
     SANITIZE(COUNT, free_variables),
     SANITIZE(INTEGER, grid_exponent),
+    REPAIRED(COUNT, regions),
+    REPAIRED(COUNT, tets),
+    REPAIRED(COUNT, vertices_moved),
+    REPAIRED(COUNT, rings),
+    REPAIRED(NUMBER, displacement_max),
+    REPAIRED(PLACES, places), /* behind regions, which counts them */
     TRACE(COUNT, vertices),
     TRACE(COUNT, edges),
     TRACE(COUNT, polygons),
@@ -107,6 +114,15 @@ static const struct {
     {"quality", offsetof(bw_report, has_quality)},
 };
 
+/* Groups that may be missing from their section. */
+static const struct {
+    const char *name;
+    size_t flag;
+} optional_groups[] = {
+    {"reduced", offsetof(bw_report, has_reduced)},
+    {"repaired", offsetof(bw_report, has_repaired)},
+};
+
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };
 
 /* ---- filling
@@ -140,6 +156,22 @@ static json_t *range_to_json(const bw_report_range *range) {
     return json_pack("{s:f, s:f, s:f}", "min", range->min, "median", range->median, "max", range->max);
 }
 
+static json_t *point_to_json(const double p[3]) { return json_pack("[f, f, f]", p[0], p[1], p[2]); }
+
+static json_t *regions_to_json(const bw_region *regions, size_t count) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < count && i < BW_REGIONS_KEPT; i++) {
+        const bw_region *r = &regions[i];
+        json_t *ids = json_array();
+        for (size_t k = 0; k < r->tet_count && k < BW_REGION_TETS; k++)
+            json_array_append_new(ids, json_integer((json_int_t)r->tets[k]));
+        json_array_append_new(list, json_pack("{s:I, s:o, s:o, s:[o, o]}", "tets", (json_int_t)r->tet_count, "ids", ids,
+                                              "position", point_to_json(r->centre), "box", point_to_json(r->low),
+                                              point_to_json(r->high)));
+    }
+    return list;
+}
+
 static json_t *field_to_json(const field *f, const bw_report *report) {
     const void *at = (const char *)report + f->at;
     switch (f->type) {
@@ -153,6 +185,8 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
         return json_real(*(const double *)at);
     case RANGE:
         return range_to_json(at);
+    case PLACES:
+        return regions_to_json(at, report->sanitize.repaired.regions);
     case TEXT:
         break;
     }
@@ -160,14 +194,19 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
     return text ? text : json_string(""); /* a file name that is not UTF-8 */
 }
 
-/* The one group that may be missing from its section. */
-static bool is_optional(const field *f) { return f->group && !strcmp(f->group, "reduced"); }
+/* Where in a report it is said whether the field's group is there; NULL for what always is. */
+static const bool *presence(const field *f, const bw_report *report) {
+    for (size_t i = 0; f->group && i < sizeof optional_groups / sizeof *optional_groups; i++)
+        if (!strcmp(f->group, optional_groups[i].name)) return (const bool *)report + optional_groups[i].flag;
+    return NULL;
+}
 
 static json_t *section_to_json(const char *name, const bw_report *report) {
     json_t *section = json_object();
     for (size_t i = 0; i < FIELDS; i++) {
         const field *f = &fields[i];
-        if (strcmp(f->section, name) || (is_optional(f) && !report->has_reduced)) continue;
+        const bool *there = presence(f, report);
+        if (strcmp(f->section, name) || (there && !*there)) continue;
         json_t *into = section;
         if (f->group && !(into = json_object_get(section, f->group))) {
             json_object_set_new(section, f->group, json_object());
@@ -186,16 +225,19 @@ static json_t *error_to_json(const bw_error *error) {
     for (size_t i = 0; i < error->element_count && i < BW_ELEMENTS_KEPT; i++) {
         const bw_element *e = &error->elements[i];
         json_t *element = json_pack("{s:s, s:I}", "kind", e->kind, "id", (json_int_t)e->id);
-        if (e->has_position)
-            json_object_set_new(element, "position",
-                                json_pack("[f, f, f]", e->position[0], e->position[1], e->position[2]));
+        if (e->has_position) json_object_set_new(element, "position", point_to_json(e->position));
         json_array_append_new(elements, element);
     }
     json_t *message = json_string(error->message);
-    return json_pack("{s:s, s:s, s:o, s:I, s:o}", "status", bw_status_code(error->status), "class",
-                     bw_class_name(bw_status_class(error->status)), "message",
-                     message ? message : json_string(bw_status_text(error->status)), "element_count",
-                     (json_int_t)error->element_count, "elements", elements);
+    json_t *object = json_pack("{s:s, s:s, s:o, s:I, s:o}", "status", bw_status_code(error->status), "class",
+                               bw_class_name(bw_status_class(error->status)), "message",
+                               message ? message : json_string(bw_status_text(error->status)), "element_count",
+                               (json_int_t)error->element_count, "elements", elements);
+    if (error->region_count) {
+        json_object_set_new(object, "region_count", json_integer((json_int_t)error->region_count));
+        json_object_set_new(object, "regions", regions_to_json(error->regions, error->region_count));
+    }
+    return object;
 }
 
 char *bw_report_error_json(const bw_error *error) {
@@ -270,6 +312,30 @@ static bool range_from_json(const json_t *value, bw_report_range *range) {
     return true;
 }
 
+static bool point_from_json(json_t *value, double out[3]) {
+    return !json_unpack(value, "[F, F, F!]", &out[0], &out[1], &out[2]);
+}
+
+/* Requires room for BW_REGIONS_KEPT. */
+static bool regions_from_json(const json_t *list, bw_region *out, size_t count) {
+    size_t kept = count < BW_REGIONS_KEPT ? count : BW_REGIONS_KEPT;
+    if (json_array_size(list) != kept) return false;
+    for (size_t i = 0; i < kept; i++) {
+        json_t *ids, *position, *low, *high;
+        json_int_t tets;
+        if (json_unpack(json_array_get(list, i), "{s:I, s:o, s:o, s:[o, o!]}", "tets", &tets, "ids", &ids, "position",
+                        &position, "box", &low, &high))
+            return false;
+        out[i].tet_count = (size_t)tets;
+        for (size_t k = 0; k < json_array_size(ids) && k < BW_REGION_TETS; k++)
+            out[i].tets[k] = json_integer_value(json_array_get(ids, k));
+        if (!point_from_json(position, out[i].centre) || !point_from_json(low, out[i].low) ||
+            !point_from_json(high, out[i].high))
+            return false;
+    }
+    return true;
+}
+
 static bool field_from_json(const field *f, const json_t *value, bw_report *report) {
     void *at = (char *)report + f->at;
     switch (f->type) {
@@ -287,6 +353,8 @@ static bool field_from_json(const field *f, const json_t *value, bw_report *repo
         return json_is_number(value);
     case RANGE:
         return range_from_json(value, at);
+    case PLACES:
+        return regions_from_json(value, at, report->sanitize.repaired.regions);
     case TEXT:
         break;
     }
@@ -301,8 +369,9 @@ static bool section_from_json(const char *name, const json_t *section, bw_report
         const field *f = &fields[i];
         if (strcmp(f->section, name)) continue;
         const json_t *from = f->group ? json_object_get(section, f->group) : section;
-        if (is_optional(f) && !from) continue;
-        if (is_optional(f)) report->has_reduced = true;
+        bool *there = (bool *)presence(f, report);
+        if (there && !from) continue;
+        if (there) *there = true;
         if (!field_from_json(f, json_object_get(from, f->name), report)) return false;
     }
     return true;
@@ -327,9 +396,10 @@ static bool error_from_json(json_t *object, bw_error *error) {
         snprintf(e->kind, sizeof e->kind, "%s", kind);
         e->id = id;
         e->has_position = position != NULL;
-        if (position && json_unpack(position, "[F, F, F]", &e->position[0], &e->position[1], &e->position[2]))
-            return false;
+        if (position && !point_from_json(position, e->position)) return false;
     }
+    error->region_count = (size_t)json_integer_value(json_object_get(object, "region_count"));
+    if (!regions_from_json(json_object_get(object, "regions"), error->regions, error->region_count)) return false;
     return json_array_size(elements) ==
            (error->element_count < BW_ELEMENTS_KEPT ? error->element_count : BW_ELEMENTS_KEPT);
 }

@@ -32,6 +32,7 @@ typedef struct {
 typedef struct {
     bool has_input, has_sanitize, has_trace, has_complex, has_quality;
     bool has_reduced; /* complex.reduced */
+    bool has_repaired; /* sanitize.repaired */
 
     struct {
         char file[256]; /* name without its folder; may be empty */
@@ -50,6 +51,12 @@ typedef struct {
         uint64_t cut_facets, cut_edges, branches, nodes, cut_sheets, align_sheets;
         uint64_t system_rows, system_columns, system_rank, free_variables;
         int64_t grid_exponent; /* parameter = integer * 2^-grid_exponent from here on */
+        struct { /* tets that were inverted or degenerate, made positive by moving vertices in parameter space */
+            uint64_t regions, tets, vertices_moved;
+            uint64_t rings;          /* edges from a defective tet to the farthest vertex that was free to move */
+            double displacement_max; /* parameter units */
+            bw_region places[BW_REGIONS_KEPT]; /* the first of the regions */
+        } repaired;
     } sanitize;
 
     struct {

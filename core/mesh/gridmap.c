@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "exact/det.h"
+#include "mesh/defects.h"
 
 void bw_grid_map_clear(bw_context *ctx, bw_grid_map *map) {
     bw_free(ctx, map->value);
@@ -40,17 +41,14 @@ static bw_status check_range(bw_context *ctx, const bw_tet_mesh *mesh, const bw_
 }
 
 static bw_status check_orientation(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map) {
-    size_t bad = 0;
-    for (size_t t = 0; t < mesh->tet_count; t++) {
-        if (bw_grid_tet_sign((const int64_t(*)[3])map->value[t]) > 0) continue;
-        double centre[3];
-        bw_tet_centre(mesh, (bw_tet)t, centre);
-        bw_fail_element(ctx, "tet", mesh->tet_id[t], centre);
-        bad++;
-    }
-    return bad ? bw_fail(ctx, BW_E_INVERTED, "%zu tets are inverted or flat in the parametrization; the first is tet %lld", bad,
-                         (long long)ctx->error.elements[0].id)
-               : BW_OK;
+    bw_defects bad;
+    if (bw_defects_init(ctx, &bad, mesh, (const int64_t(*)[4][3])map->value)) return ctx->error.status;
+    for (size_t r = 0; r < bad.count; r++) bw_defects_blame(ctx, &bad, mesh, r);
+    if (bad.count)
+        bw_fail(ctx, BW_E_INVERTED, "%zu tets are inverted or flat in the parametrization; the first is tet %lld", bw_defects_tets(&bad),
+                (long long)ctx->error.elements[0].id);
+    bw_defects_clear(ctx, &bad);
+    return ctx->error.status;
 }
 
 /* The values of a facet's three vertices in the chart of one of its tets. */

@@ -9,6 +9,7 @@ typedef struct {
     const bw_tet_mesh *mesh;
     const bw_hinges *hinges;
     const int64_t (*value)[4][3];
+    const uint8_t *unsure;
     double tolerance;
     bw_seams *seams;
     bw_rotation product[BW_ROTATIONS][BW_ROTATIONS], inverse[BW_ROTATIONS];
@@ -29,6 +30,19 @@ static void blame(finder *w, const char *kind, int32_t id) {
     else
         bw_edge_centre(w->mesh, id, centre);
     bw_fail_element(w->ctx, kind, id, centre);
+}
+
+static bool is_unsure(const finder *w, bw_tet t) { return w->unsure && t != BW_NONE && w->unsure[t]; }
+
+static bool facet_unsure(const finder *w, bw_facet f) {
+    return is_unsure(w, w->mesh->facet_tet[f][0]) || is_unsure(w, w->mesh->facet_tet[f][1]);
+}
+
+static bool hinge_unsure(const finder *w, bw_hinge h) {
+    const bw_ring *ring = &w->hinges->ring[h];
+    for (int32_t i = ring->begin; w->unsure && i < ring->end; i++)
+        if (w->unsure[w->hinges->tet[i]]) return true;
+    return false;
 }
 
 static double length(const int64_t d[3]) {
@@ -91,6 +105,7 @@ static bw_status find_rotations(finder *w) {
         facet_edges(w, (bw_facet)f, t[0], from);
         facet_edges(w, (bw_facet)f, t[1], to);
         w->seams->rotation[f] = nearest_rotation(from, to);
+        if (facet_unsure(w, (bw_facet)f)) continue;
         double defect = transition_defect(w, w->seams->rotation[f], from, to);
         w->seams->seamless = fmax(w->seams->seamless, defect);
         if (defect <= w->tolerance) continue;
@@ -123,6 +138,7 @@ static double find_axis(finder *w, bw_facet f) {
 
 static size_t align_facet(finder *w, bw_facet f) {
     double defect = find_axis(w, f);
+    if (facet_unsure(w, f)) return 0;
     w->seams->alignment = fmax(w->seams->alignment, defect);
     if (defect <= w->tolerance) return 0;
     blame(w, "facet", f);
@@ -158,8 +174,8 @@ static void hinge_vector(const finder *w, bw_hinge h, int64_t out[3]) {
 }
 
 /* Parametric dihedral angle of a positive tet at the edge from corner c[0] to c[1]: the normals of its two
- * facets there have the cross product volume * edge. */
-static double wedge_angle(const int64_t value[4][3], const int c[4]) {
+ * facets there have the cross product volume * edge. With `sign` the angle of an inverted tet is negative. */
+static double wedge_angle(const int64_t value[4][3], const int c[4], bool sign) {
     double d[3][3], n[2][3];
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) d[i][k] = (double)(value[c[i + 1]][k] - value[c[0]][k]);
@@ -172,7 +188,7 @@ static double wedge_angle(const int64_t value[4][3], const int c[4]) {
         volume += n[0][k] * d[2][k];
         edge += d[0][k] * d[0][k];
     }
-    return atan2(fabs(volume) * sqrt(edge), dot);
+    return atan2((sign ? volume : fabs(volume)) * sqrt(edge), dot);
 }
 
 static long hinge_quarters(const finder *w, bw_hinge h) {
@@ -183,7 +199,7 @@ static long hinge_quarters(const finder *w, bw_hinge h) {
         int local = 0, c[4];
         while (w->mesh->tet_edge[t][local] != ring->edge) local++;
         bw_hinge_corners(w->mesh, t, local, c);
-        sum += wedge_angle(w->value[t], c);
+        sum += wedge_angle(w->value[t], c, is_unsure(w, t));
     }
     return lround(sum / (M_PI / 2));
 }
@@ -277,6 +293,10 @@ static bool find_turns(finder *w, bw_hinge h) {
     long q = hinge_quarters(w, h);
     bw_rotation around = monodromy(w, h);
     w->seams->line[h] = -1;
+    if (hinge_unsure(w, h)) {
+        w->seams->quarters[h] = (uint16_t)(q < 0 || q > UINT16_MAX ? 0 : q);
+        return true;
+    }
     if (q <= 0 || q > UINT16_MAX) return false;
     w->seams->quarters[h] = (uint16_t)q;
     if (!(open ? open_agrees(w, h, around, q, vector) : closed_agrees(around, q, axis, vector))) return false;
@@ -312,6 +332,7 @@ static bw_status find_feature_edges(finder *w) {
             double defect;
             hinge_vector(w, h, vector);
             w->seams->line[h] = (int8_t)nearest_axis(vector, &defect);
+            if (hinge_unsure(w, h)) continue;
             w->seams->alignment = fmax(w->seams->alignment, defect);
             if (defect <= w->tolerance) continue;
             blame(w, "edge", e);
@@ -323,9 +344,9 @@ static bw_status find_feature_edges(finder *w) {
 }
 
 bw_status bw_seams_init(bw_context *ctx, bw_seams *seams, const bw_tet_mesh *mesh, const bw_hinges *hinges,
-                        const int64_t (*value)[4][3], double tolerance) {
-    finder w = {
-        .ctx = ctx, .mesh = mesh, .hinges = hinges, .value = value, .tolerance = tolerance, .seams = seams};
+                        const int64_t (*value)[4][3], const uint8_t *unsure, double tolerance) {
+    finder w = {.ctx = ctx, .mesh = mesh, .hinges = hinges, .value = value, .unsure = unsure, .tolerance = tolerance,
+                .seams = seams};
     for (bw_rotation a = 0; a < BW_ROTATIONS; a++) {
         w.inverse[a] = bw_rotation_inverse(a);
         for (bw_rotation b = 0; b < BW_ROTATIONS; b++) w.product[a][b] = bw_rotation_compose(a, b);
@@ -342,4 +363,60 @@ bw_status bw_seams_init(bw_context *ctx, bw_seams *seams, const bw_tet_mesh *mes
     if (status == BW_OK) status = find_feature_edges(&w);
     seams->exact = seams->defect == 0 && seams->alignment == 0;
     return status;
+}
+
+/* ---- facets next to unsure tets ---- */
+
+int64_t bw_seams_reach(const bw_tet_mesh *mesh, const int64_t (*value)[4][3], bw_facet f) {
+    int64_t most = 0;
+    for (int i = 0; i < 2 && mesh->facet_tet[f][i] != BW_NONE; i++)
+        for (int e = 0; e < 6; e++)
+            for (int k = 0; k < 3; k++) {
+                const int64_t(*u)[3] = value[mesh->facet_tet[f][i]];
+                int64_t d = llabs(u[bw_tet_edge_corners[e][0]][k] - u[bw_tet_edge_corners[e][1]][k]);
+                if (d > most) most = d;
+            }
+    return most;
+}
+
+static int64_t misfit(bw_rotation r, int64_t from[3][3], int64_t to[3][3]) {
+    int64_t most = 0;
+    for (int i = 0; i < 3; i++) {
+        int64_t turned[3];
+        bw_rotate(r, from[i], turned);
+        for (int k = 0; k < 3; k++)
+            if (llabs(turned[k] - to[i][k]) > most) most = llabs(turned[k] - to[i][k]);
+    }
+    return most;
+}
+
+/* Largest difference between what the two tets of a facet say about its corners. */
+static int64_t chart_difference(const finder *w, bw_facet f) {
+    const bw_tet *t = w->mesh->facet_tet[f];
+    int64_t most = 0;
+    for (int i = 0; i < 3; i++) {
+        const int64_t *a = w->value[t[0]][bw_tet_corner(w->mesh, t[0], w->mesh->facet[f][i])];
+        const int64_t *b = w->value[t[1]][bw_tet_corner(w->mesh, t[1], w->mesh->facet[f][i])];
+        for (int k = 0; k < 3; k++)
+            if (llabs(a[k] - b[k]) > most) most = llabs(a[k] - b[k]);
+    }
+    return most;
+}
+
+bw_seams_clarity bw_seams_facet_clear(const bw_seams *seams, const bw_tet_mesh *mesh, const int64_t (*value)[4][3],
+                                      bw_facet f, double tolerance) {
+    const finder w = {.mesh = mesh, .value = value};
+    const bw_tet *t = mesh->facet_tet[f];
+    int64_t from[3][3], to[3][3], second = INT64_MAX;
+    bw_rotation best = seams->rotation[f];
+    facet_edges(&w, f, t[0], from);
+    facet_edges(&w, f, t[1], to);
+    int64_t defect = misfit(best, from, to);
+    if ((double)defect > tolerance * (double)bw_seams_reach(mesh, value, f)) return BW_SEAM_TORN;
+    for (bw_rotation r = 0; r < BW_ROTATIONS; r++) {
+        int64_t other = r == best ? INT64_MAX : misfit(r, from, to);
+        if (other < second) second = other;
+    }
+    int64_t noise = 16 * (1 + (defect > seams->defect ? defect : seams->defect));
+    return second > noise || (best == 0 && chart_difference(&w, f) <= noise) ? BW_SEAM_CLEAR : BW_SEAM_AMBIGUOUS;
 }

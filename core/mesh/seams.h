@@ -26,12 +26,27 @@ typedef struct {
     double seamless, alignment; /* largest defects relative to the edge they occur on */
 } bw_seams;
 
-/* value: parameters in grid units, below 2^51; every tet positive. tolerance is relative to the edge a defect
- * occurs on. Errors, with the elements: BW_E_NOT_SEAMLESS (facets), BW_E_NOT_ALIGNED (facets, edges),
- * BW_E_SINGULAR (edges), BW_E_INDEX for features that are no edge or facet of the mesh. O(tets). */
+/* value: parameters in grid units, below 2^51; every tet positive, unless marked. tolerance is relative to the edge a
+ * defect occurs on. `unsure` marks tets ([tet], NULL: none) of which nothing is taken for granted: facets and hinges with
+ * such a tet are given what fits best (quarter turns: the sum of signed angles, 0 if that is negative), but are not
+ * judged and do not count for `exact` and the largest defects; bw_seams_facet_clear tells which of them say what they
+ * mean. Errors, with the elements: BW_E_NOT_SEAMLESS (facets), BW_E_NOT_ALIGNED (facets, edges), BW_E_SINGULAR
+ * (edges), BW_E_INDEX for features that are no edge or facet of the mesh. O(tets). */
 bw_status bw_seams_init(bw_context *ctx, bw_seams *seams, const bw_tet_mesh *mesh, const bw_hinges *hinges,
-                        const int64_t (*value)[4][3], double tolerance);
+                        const int64_t (*value)[4][3], const uint8_t *unsure, double tolerance);
 void bw_seams_clear(bw_context *ctx, bw_seams *seams);
+
+/* What the values say about the rotation across an interior facet. */
+typedef enum {
+    BW_SEAM_CLEAR,     /* one rotation fits, all others are off by far more than the map's defects; or the facet is too degenerate
+                          to tell, but both tets give its corners the same values: they share one chart */
+    BW_SEAM_AMBIGUOUS, /* several fit */
+    BW_SEAM_TORN       /* none fits: off by more than `tolerance` of the longest edge nearby */
+} bw_seams_clarity;
+bw_seams_clarity bw_seams_facet_clear(const bw_seams *seams, const bw_tet_mesh *mesh, const int64_t (*value)[4][3],
+                                      bw_facet f, double tolerance);
+/* The longest extent along an axis of an edge of the facet's tets, grid units. */
+int64_t bw_seams_reach(const bw_tet_mesh *mesh, const int64_t (*value)[4][3], bw_facet f);
 
 /* Whether a hinge is an ordinary one: a full turn inside, a half turn on the boundary. */
 static inline bool bw_seams_regular(const bw_seams *seams, const bw_hinges *hinges, bw_hinge h) {

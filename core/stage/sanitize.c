@@ -7,12 +7,13 @@
 
 #include "mesh/sectors.h"
 #include "solve/echelon.h"
+#include "stage/sanitize_repair.h"
 
 enum { USUAL_BITS = 44, MAX_BITS = 46 }; /* of the largest parameter on the grid */
 
 typedef struct {
     bw_context *ctx;
-    double tolerance;
+    const bw_sanitize_options *options;
     bw_tet_mesh *mesh;
     bw_grid_map *map;
     bw_sanitize_report *report;
@@ -22,6 +23,9 @@ typedef struct {
     bw_core_system system;
     int64_t *solution;
     int64_t (*rounded)[4][3]; /* the input on the grid; borrowed from map->value until step 4 */
+    bw_defects defects;       /* of the rounded input */
+    bw_seams first_seams;     /* as read off the map with its defects, if they are repaired */
+    uint8_t *defective;       /* [tet] likewise */
 } job;
 
 /* ---- the grid ---- */
@@ -129,29 +133,151 @@ static bool is_mirrored(const job *j) {
     return negative > positive;
 }
 
-/* Refuses tets that are not positive; those that are so only on the grid say that the grid is too coarse for
- * them. */
-static bw_status check_signs(job *j) {
-    size_t inverted = 0, coarse = 0;
-    for (int pass = 0; pass < 2 && !inverted; pass++)
-        for (size_t t = 0; t < j->mesh->tet_count; t++) {
-            if (bw_grid_tet_sign((const int64_t(*)[3])j->map->value[t]) > 0) continue;
-            bool bad = true_sign((const double(*)[3])j->mesh->parameter[t]) <= 0;
-            if (bad != (pass == 0)) continue;
-            double centre[3];
-            bw_tet_centre(j->mesh, (bw_tet)t, centre);
-            bw_fail_element(j->ctx, "tet", j->mesh->tet_id[t], centre);
-            inverted += bad, coarse += !bad;
-        }
-    if (inverted)
-        return bw_fail(j->ctx, BW_E_INVERTED,
-                       "%zu tets are inverted or degenerate in the parametrization; the first is tet %lld",
-                       inverted, (long long)j->ctx->error.elements[0].id);
-    if (coarse)
+/* ---- defective tets ---- */
+
+static const int64_t (*values(const job *j))[4][3] { return (const int64_t(*)[4][3])j->map->value; }
+
+static bool truly_bad(const job *j, size_t region) {
+    for (size_t i = j->defects.first[region]; i < j->defects.first[region + 1]; i++)
+        if (true_sign((const double(*)[3])j->mesh->parameter[j->defects.tet[i]]) <= 0) return true;
+    return false;
+}
+
+/* Refuses regions of tets that are not positive, except those to be spared ([region]; NULL: none); where all of them are so
+ * only on the grid, it is too coarse for them. */
+static bw_status refuse(job *j, const uint8_t *spare, const char *why) {
+    size_t inverted = 0, regions = 0, tets = 0;
+    for (size_t r = 0; r < j->defects.count; r++) inverted += !(spare && spare[r]) && truly_bad(j, r);
+    for (size_t r = 0; r < j->defects.count; r++) {
+        if ((spare && spare[r]) || (inverted && !truly_bad(j, r))) continue;
+        bw_defects_blame(j->ctx, &j->defects, j->mesh, r);
+        tets += j->defects.first[r + 1] - j->defects.first[r], regions++;
+    }
+    if (!inverted)
         return bw_fail(j->ctx, BW_E_RANGE,
-                       "%zu tets are too small for the exact grid, which the largest parameter sets to 2^%d",
-                       coarse, -j->map->exponent);
-    return BW_OK;
+                       "%zu tets are too small for the exact grid, which the largest parameter sets to 2^%d%s%s", tets,
+                       -j->map->exponent, *why ? ", and cannot be repaired: " : "", why);
+    return bw_fail(j->ctx, BW_E_INVERTED,
+                   "%zu tet%s in %zu region%s inverted or degenerate in the parametrization%s%s; the first is tet %lld", tets,
+                   tets == 1 ? "" : "s", regions, tets == 1 ? " is" : regions == 1 ? " are" : "s are",
+                   *why ? " and cannot be repaired: " : "", why, (long long)j->ctx->error.elements[0].id);
+}
+
+static void report_repair(job *j, const bw_defects *defects, const bw_repair_report *done) {
+    bw_sanitize_report *r = j->report;
+    for (size_t i = 0; i < defects->count && r->region_count + i < BW_REGIONS_KEPT; i++)
+        bw_defects_place(defects, j->mesh, i, &r->regions[r->region_count + i]);
+    r->repaired = true;
+    r->region_count += defects->count;
+    r->defective_tets += bw_defects_tets(defects);
+    r->vertices_moved += done->vertices_moved;
+    if (done->rings > r->rings) r->rings = done->rings;
+    r->repair_displacement_max = fmax(r->repair_displacement_max, ldexp((double)done->displacement, -j->map->exponent));
+}
+
+/* Spares the regions all of whose tets were repaired; the verdict on the first other tet is the reason to refuse. */
+static bw_repair_verdict spare_repaired(const bw_defects *defects, const bw_repair_verdict *verdict, uint8_t *spare) {
+    bw_repair_verdict first = BW_REPAIR_DONE;
+    for (size_t r = 0; r < defects->count; r++) {
+        spare[r] = 1;
+        for (size_t i = defects->first[r]; i < defects->first[r + 1]; i++) {
+            if (verdict[i] == BW_REPAIR_DONE) continue;
+            if (first == BW_REPAIR_DONE) first = verdict[i];
+            spare[r] = 0;
+        }
+    }
+    return first;
+}
+
+/* Repairs the defects of the rounded input or refuses those that it cannot repair. */
+static bw_status repair(job *j) {
+    bw_context *ctx = j->ctx;
+    bw_star_input in = {j->mesh, &j->hinges, &j->first_seams, values(j), NULL, j->options->tolerance};
+    bw_repair_report done;
+    size_t count = bw_defects_tets(&j->defects);
+    bw_repair_verdict first, *verdict = bw_alloc(ctx, count, sizeof *verdict);
+    uint8_t *spare = bw_alloc(ctx, j->defects.count, 1);
+    j->defective = bw_alloc(ctx, j->mesh->tet_count, 1);
+    if (ctx->error.status) goto out;
+    for (size_t i = 0; i < count; i++) j->defective[j->defects.tet[i]] = 1;
+    in.unsure = j->defective;
+    if (bw_hinges_init(ctx, &j->hinges, j->mesh) ||
+        bw_seams_init(ctx, &j->first_seams, j->mesh, &j->hinges, values(j), j->defective, j->options->tolerance) ||
+        bw_repair(ctx, &in, &j->defects, j->map->value, verdict, &done))
+        goto out;
+    first = spare_repaired(&j->defects, verdict, spare);
+    if (first != BW_REPAIR_DONE)
+        refuse(j, spare, bw_repair_verdict_text(first));
+    else
+        report_repair(j, &j->defects, &done);
+out:
+    bw_free(ctx, verdict);
+    bw_free(ctx, spare);
+    return ctx->error.status;
+}
+
+static bw_status mend(job *j) {
+    if (bw_defects_init(j->ctx, &j->defects, j->mesh, values(j))) return j->ctx->error.status;
+    if (!j->defects.count) return BW_OK;
+    return j->options->repair ? repair(j) : refuse(j, NULL, "");
+}
+
+/* Spares the regions that have no tet at a doubtful hinge. */
+static void spare_certain(const job *j, const uint8_t *doubtful, uint8_t *spare) {
+    memset(spare, 1, j->defects.count);
+    for (size_t r = 0; r < j->defects.count; r++)
+        for (size_t i = j->defects.first[r]; i < j->defects.first[r + 1]; i++)
+            for (int e = 0; e < 6; e++) {
+                bw_edge edge = j->mesh->tet_edge[j->defects.tet[i]][e];
+                for (bw_hinge h = j->hinges.first[edge]; h < j->hinges.first[edge + 1]; h++)
+                    if (doubtful[h]) spare[r] = 0;
+            }
+    if (!memchr(spare, 0, j->defects.count)) memset(spare, 0, j->defects.count);
+}
+
+/* Refuses repairs after which the map may turn around edges otherwise than meant. */
+static bw_status check_turns(job *j) {
+    bw_star_input before = {j->mesh, &j->hinges, &j->first_seams, values(j), j->defective, j->options->tolerance};
+    size_t count = 0;
+    if (!j->report->repaired) return BW_OK;
+    uint8_t *doubtful = bw_alloc(j->ctx, j->hinges.count, 1), *spare = bw_alloc(j->ctx, j->defects.count, 1);
+    if (doubtful && spare && !bw_repair_check_turns(j->ctx, &before, &j->seams, doubtful, &count) && count) {
+        spare_certain(j, doubtful, spare);
+        refuse(j, spare, "it is not clear how often the map turns around their edges");
+    }
+    bw_free(j->ctx, doubtful);
+    bw_free(j->ctx, spare);
+    return j->ctx->error.status;
+}
+
+/* The exact values are off the input's by its errors; thin tets may not survive that. Transitions are known by now. What
+ * remains defective is refused by the verification that follows. */
+static bw_status mend_exact(job *j) {
+    bw_defects late;
+    bw_repair_report done;
+    bw_star_input in = {j->mesh, &j->hinges, &j->seams, values(j), NULL, j->options->tolerance};
+    if (!j->options->repair || bw_defects_init(j->ctx, &late, j->mesh, values(j)) || !late.count)
+        return j->ctx->error.status;
+    bw_repair_verdict *verdict = bw_alloc(j->ctx, bw_defects_tets(&late), sizeof *verdict);
+    if (verdict && !bw_repair(j->ctx, &in, &late, j->map->value, verdict, &done)) report_repair(j, &late, &done);
+    bw_free(j->ctx, verdict);
+    bw_defects_clear(j->ctx, &late);
+    return j->ctx->error.status;
+}
+
+/* After a repair the verified map has to turn around every edge as often as was found to be meant. */
+static bw_status compare_turns(job *j) {
+    size_t bad = 0;
+    for (size_t e = 0; j->report->repaired && e < j->mesh->edge_count; e++) {
+        bw_hinge h = j->hinges.first[e];
+        if (j->hinges.first[e + 1] - h > 1 || j->map->quarters[e] == j->seams.quarters[h]) continue;
+        double centre[3];
+        bw_edge_centre(j->mesh, (bw_edge)e, centre);
+        bw_fail_element(j->ctx, "edge", (int64_t)e, centre);
+        bad++;
+    }
+    return bad ? bw_fail(j->ctx, BW_E_INVERTED, "the repaired map turns around %zu edges otherwise than it should", bad)
+               : BW_OK;
 }
 
 /* ---- the steps ---- */
@@ -160,14 +286,13 @@ static bw_status load_grid(job *j) {
     if (!j->mesh->tet_count) return bw_fail(j->ctx, BW_E_EMPTY, "the input has no tets");
     if (bw_tet_mesh_order(j->ctx, j->mesh) || choose_exponent(j) || round_values(j)) return j->ctx->error.status;
     if (is_mirrored(j)) swap_corners(j);
-    if (bw_tet_mesh_connect(j->ctx, j->mesh)) return j->ctx->error.status;
-    return check_signs(j);
+    return bw_tet_mesh_connect(j->ctx, j->mesh);
 }
 
 static bw_status understand(job *j) {
-    if (bw_hinges_init(j->ctx, &j->hinges, j->mesh)) return j->ctx->error.status;
-    const int64_t(*value)[4][3] = (const int64_t(*)[4][3])j->map->value;
-    bw_status status = bw_seams_init(j->ctx, &j->seams, j->mesh, &j->hinges, value, j->tolerance);
+    const int64_t(*value)[4][3] = values(j);
+    if (!j->hinges.first && bw_hinges_init(j->ctx, &j->hinges, j->mesh)) return j->ctx->error.status;
+    bw_status status = bw_seams_init(j->ctx, &j->seams, j->mesh, &j->hinges, value, NULL, j->options->tolerance);
     j->report->residual_seamless_max = j->seams.seamless;
     j->report->residual_alignment_max = j->seams.alignment;
     if (status) return status;
@@ -240,13 +365,15 @@ static void count_singular(job *j) {
 /* Steps 2 to 5. */
 static bw_status run(job *j) {
     if (load_grid(j) || bw_poll(j->ctx)) return j->ctx->error.status;
+    bw_progress(j->ctx, 0.1);
+    if (mend(j)) return j->ctx->error.status;
     bw_progress(j->ctx, 0.2);
-    if (understand(j) || bw_poll(j->ctx)) return j->ctx->error.status;
-    j->report->already_exact = j->seams.exact;
-    if (!j->seams.exact && make_exact(j)) return j->ctx->error.status;
+    if (understand(j) || check_turns(j) || bw_poll(j->ctx)) return j->ctx->error.status;
+    j->report->already_exact = j->seams.exact && !j->report->repaired;
+    if (!j->seams.exact && (make_exact(j) || mend_exact(j))) return j->ctx->error.status;
     j->report->displacement_max = displacement(j);
     bw_progress(j->ctx, 0.8);
-    if (bw_grid_map_derive(j->ctx, j->mesh, j->map)) return j->ctx->error.status;
+    if (bw_grid_map_derive(j->ctx, j->mesh, j->map) || compare_turns(j)) return j->ctx->error.status;
     count_singular(j);
     bw_free(j->ctx, j->mesh->parameter);
     j->mesh->parameter = NULL;
@@ -254,13 +381,16 @@ static bw_status run(job *j) {
     return BW_OK;
 }
 
-bw_status bw_sanitize(bw_context *ctx, double tolerance, bw_tet_mesh *mesh, bw_grid_map *map,
+bw_status bw_sanitize(bw_context *ctx, const bw_sanitize_options *options, bw_tet_mesh *mesh, bw_grid_map *map,
                       bw_sanitize_report *report) {
-    job j = {.ctx = ctx, .tolerance = tolerance, .mesh = mesh, .map = map, .report = report};
+    job j = {.ctx = ctx, .options = options, .mesh = mesh, .map = map, .report = report};
     *report = (bw_sanitize_report){0};
     bw_status status = run(&j);
     bw_hinges_clear(ctx, &j.hinges);
     bw_seams_clear(ctx, &j.seams);
+    bw_seams_clear(ctx, &j.first_seams);
+    bw_defects_clear(ctx, &j.defects);
+    bw_free(ctx, j.defective);
     bw_cutset_clear(ctx, &j.cut);
     bw_core_system_clear(ctx, &j.system);
     bw_free(ctx, j.rounded);

@@ -5,6 +5,8 @@
  * orientation verified in integers.
  *
  *   1. Round to the grid; choose it so that the largest parameter is about 2^44 steps.
+ *      Tets that are not positive there are refused by place, or repaired if that is asked for and certain
+ *      (sanitize_repair.h).
  *   2. Read off what the map means: rotations, constant axes, quarter turns (mesh/seams.h). Refuse what is
  * beyond tolerance.
  *   3. If no defect is left, the rounded values are the result: integer-grid maps, and what this stage once
@@ -31,15 +33,25 @@ typedef struct {
     int64_t divisor_max; /* free variables were rounded to multiples of this or less, in grid units */
     int32_t grid_exponent;
     size_t singular_interior, singular_boundary; /* edges */
+    bool repaired; /* there were defective tets, in these places, and they could be repaired */
+    size_t region_count, defective_tets, vertices_moved;
+    int rings;                         /* edges from a defective tet to the farthest vertex that was free to move */
+    double repair_displacement_max;    /* parameter units */
+    bw_region regions[BW_REGIONS_KEPT]; /* the first of them */
 } bw_sanitize_report;
+
+typedef struct {
+    double tolerance; /* largest accepted defect, relative to the edge it occurs on */
+    bool repair;      /* re-solve where tets are inverted or degenerate and the fix is certain (sanitize_repair.h) */
+} bw_sanitize_options;
 
 /* Requires position, tet and parameter as read. On success `mesh` is connected, its parameters are freed and
  * `map` is complete; on failure both are as far as they got, for their clear functions. If most tets are
  * negative in the parametrization the file lists mirrored tets: corners 2 and 3 of all of them are swapped
  * and mesh->mirrored is set. Errors, with the elements at fault: BW_E_DUPLICATE, BW_E_NONMANIFOLD,
- * BW_E_INVERTED, BW_E_NOT_SEAMLESS, BW_E_NOT_ALIGNED, BW_E_SINGULAR, BW_E_RANGE, BW_E_INDEX (feature lists).
- * O(tets), and what the core system takes. */
-bw_status bw_sanitize(bw_context *ctx, double tolerance, bw_tet_mesh *mesh, bw_grid_map *map,
+ * BW_E_INVERTED (with the regions), BW_E_NOT_SEAMLESS, BW_E_NOT_ALIGNED, BW_E_SINGULAR, BW_E_RANGE, BW_E_INDEX
+ * (feature lists). O(tets), and what the core system takes. */
+bw_status bw_sanitize(bw_context *ctx, const bw_sanitize_options *options, bw_tet_mesh *mesh, bw_grid_map *map,
                       bw_sanitize_report *report);
 
 #endif

@@ -18,7 +18,7 @@ static inline bw_status sample_map(bw_context *ctx, const char *name, const bw_m
         mesh->vertex_count = model.vertex_count, mesh->tet_count = model.tet_count;
         mesh->position = model.position, mesh->tet = model.tet, mesh->parameter = model.parameter;
         model.position = NULL, model.tet = NULL, model.parameter = NULL;
-        status = bw_sanitize(ctx, 1e-4, mesh, map, &report);
+        status = bw_sanitize(ctx, &(bw_sanitize_options){.tolerance = 1e-4}, mesh, map, &report);
     }
     bw_model_clear(ctx, &model);
     return status;

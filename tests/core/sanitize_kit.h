@@ -63,7 +63,8 @@ static inline bw_model_options model_options(int size, double noise, double pert
 }
 
 static inline void sanitize_mesh(sanitized *s, double tolerance) {
-    s->status = bw_sanitize(&s->ctx, tolerance, &s->mesh, &s->map, &s->report);
+    bw_sanitize_options options = {.tolerance = tolerance};
+    s->status = bw_sanitize(&s->ctx, &options, &s->mesh, &s->map, &s->report);
 }
 
 static inline void sanitize_model(sanitized *s, const bw_model *model, double tolerance) {

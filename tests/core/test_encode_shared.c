@@ -9,7 +9,7 @@ static void encode_file(encoded *e, const char *path, bw_complex_kind kind) {
     memset(e, 0, sizeof *e);
     bw_context_init(&e->ctx);
     kit_expect_ok(&e->ctx, bw_hexex_read(&e->ctx, path, &e->mesh));
-    kit_expect_ok(&e->ctx, bw_sanitize(&e->ctx, 1e-3, &e->mesh, &e->map, &report));
+    kit_expect_ok(&e->ctx, bw_sanitize(&e->ctx, &(bw_sanitize_options){.tolerance = 1e-3}, &e->mesh, &e->map, &report));
     encode_trace_and_build(e, kind);
     e->folder = kit_temp_path("shared");
     encode_run(e);

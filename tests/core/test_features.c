@@ -160,7 +160,7 @@ static void sharp_edges_of_models_survive(void **state) {
         f.mesh.feature_edge = model.feature_edge, f.mesh.feature_edge_count = model.feature_edge_count;
         model.position = NULL, model.tet = NULL, model.parameter = NULL, model.feature_vertex = NULL, model.feature_edge = NULL;
         bw_model_clear(&ctx, &model);
-        kit_expect_ok(&ctx, bw_sanitize(&ctx, 1e-4, &f.mesh, &f.map, &sanitized));
+        kit_expect_ok(&ctx, bw_sanitize(&ctx, &(bw_sanitize_options){.tolerance = 1e-4}, &f.mesh, &f.map, &sanitized));
         trace_with_features(&ctx, &f);
         assert_int_equal(f.complex.block_count > 0, 1);
         bw_reduce_report report;

@@ -51,7 +51,7 @@ static void the_example_is_a_seamless_map(void **state) {
     bw_sanitize_report report;
     bw_context_init(&ctx);
     kit_expect_ok(&ctx, bw_input_read(&ctx, FOLDER "cube.vtu", NULL, &mesh));
-    kit_expect_ok(&ctx, bw_sanitize(&ctx, 0, &mesh, &map, &report));
+    kit_expect_ok(&ctx, bw_sanitize(&ctx, &(bw_sanitize_options){.tolerance = 0}, &mesh, &map, &report));
     assert_true(report.already_exact);
     bw_grid_map_clear(&ctx, &map);
     bw_tet_mesh_clear(&ctx, &mesh);

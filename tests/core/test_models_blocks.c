@@ -23,7 +23,7 @@ static bw_status compute(bw_context *ctx, bw_tet_mesh *mesh, bw_complex_kind kin
     bw_cells cells = {0};
     bw_complex complex = {0};
     bw_sanitize_report report = {0};
-    bw_status status = bw_sanitize(ctx, tolerance, mesh, &map, &report);
+    bw_status status = bw_sanitize(ctx, &(bw_sanitize_options){.tolerance = tolerance}, mesh, &map, &report);
     if (!status) status = bw_cells_init(ctx, &cells, mesh, &map);
     if (!status) status = bw_trace(ctx, &cells, kind, enough);
     if (!status) status = bw_build_complex(ctx, &cells, &(bw_build_options){.max_cells = enough}, &complex);

@@ -6,7 +6,7 @@ static bw_status run(bw_context *ctx, void *user) {
     bw_grid_map map = {0};
     bw_sanitize_report report;
     bw_status status = mesh_from_model(ctx, user, &mesh);
-    if (status == BW_OK) status = bw_sanitize(ctx, 1e-2, &mesh, &map, &report);
+    if (status == BW_OK) status = bw_sanitize(ctx, &(bw_sanitize_options){.tolerance = 1e-2}, &mesh, &map, &report);
     bw_tet_mesh_clear(ctx, &mesh);
     bw_grid_map_clear(ctx, &map);
     return status;

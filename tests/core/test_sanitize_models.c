@@ -21,7 +21,8 @@ static void check_turns(sanitized *s) {
     bw_seams seams = {0};
     kit_expect_ok(&s->ctx, bw_hinges_init(&s->ctx, &hinges, &s->mesh));
     kit_expect_ok(&s->ctx,
-                  bw_seams_init(&s->ctx, &seams, &s->mesh, &hinges, (const int64_t(*)[4][3])s->map.value, 0));
+                  bw_seams_init(&s->ctx, &seams, &s->mesh, &hinges, (const int64_t(*)[4][3])s->map.value, NULL,
+                                0));
     assert_true(seams.exact);
     assert_int_equal(hinges.count, s->mesh.edge_count);
     for (size_t h = 0; h < hinges.count; h++) {

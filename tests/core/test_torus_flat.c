@@ -54,7 +54,7 @@ static void open_shape(fixture *f, const flat_shape *shape, uint64_t seed) {
     if (seed & 2) disturb(&model, 1e-7, &random);
     f->mesh.vertex_count = model.vertex_count, f->mesh.tet_count = model.tet_count;
     f->mesh.position = model.position, f->mesh.tet = model.tet, f->mesh.parameter = model.parameter;
-    kit_expect_ok(&f->ctx, bw_sanitize(&f->ctx, 1e-4, &f->mesh, &f->map, &report));
+    kit_expect_ok(&f->ctx, bw_sanitize(&f->ctx, &(bw_sanitize_options){.tolerance = 1e-4}, &f->mesh, &f->map, &report));
     assert_int_equal(report.singular_interior + report.singular_boundary, 0);
     assert_int_equal(report.already_exact, !(seed & 2));
 }

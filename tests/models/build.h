@@ -25,8 +25,9 @@ bw_status bw_grid_make(bw_build *build);
 /* Grid vertex of a block; index[axis] in 0..cells. */
 int32_t bw_grid_vertex(const bw_build *build, int32_t block, const int index[3]);
 
-/* noise.c: vertices leave the grid; charts; errors of single tets. */
+/* noise.c: vertices leave the grid; folds; charts; errors of single tets. */
 bw_status bw_noise_apply(bw_build *build);
+bw_status bw_folds_apply(bw_build *build);
 bw_status bw_charts_apply(bw_build *build);
 bw_status bw_perturb_apply(bw_build *build);
 

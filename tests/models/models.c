@@ -28,6 +28,8 @@ static bw_status check_options(bw_context *ctx, const bw_model_options *o) {
         return bw_fail(ctx, BW_E_USAGE, "noise must be 0 to 1, not %g", o->noise);
     if (!(o->perturb >= 0 && o->perturb <= 0.02))
         return bw_fail(ctx, BW_E_USAGE, "perturb must be 0 to 0.02, not %g", o->perturb);
+    if (o->folds < 0 || o->folds > 1000)
+        return bw_fail(ctx, BW_E_USAGE, "folds must be 0 to 1000, not %d", o->folds);
     if (o->scramble < BW_SCRAMBLE_NONE || o->scramble > BW_SCRAMBLE_TETS)
         return bw_fail(ctx, BW_E_USAGE, "scramble must be 0 to 3, not %d", o->scramble);
     return BW_OK;
@@ -90,6 +92,7 @@ bw_status bw_model_make(bw_context *ctx, const char *name, const bw_model_option
     if (!status) status = bw_grid_make(&w);
     if (!status) status = bw_noise_apply(&w);
     if (!status) status = list_features(&w);
+    if (!status) status = bw_folds_apply(&w);
     if (!status) status = bw_charts_apply(&w);
     if (!status) status = bw_perturb_apply(&w);
     out->blocks_bc = w.layout.blocks_bc;

@@ -6,7 +6,7 @@
  * block is cut into grid cells and every cell into tets, conformingly; with noise the vertices then leave the
  * grid, in parameter and in space alike, so that no tet facet lies on the wall between two blocks any more.
  *
- * Invariants of a model made with perturb = 0
+ * Invariants of a model made with perturb = 0 and folds = 0
  *  1. Every tet is positive in space and in the parametrization.
  *  2. Across every interior facet the parameters are related by one of the 24 rotations and a translation,
  * and every boundary facet is constant in one parameter: exactly, for all parameters are multiples of 2^-32.
@@ -36,15 +36,17 @@ enum { BW_SCRAMBLE_NONE, BW_SCRAMBLE_BLOCKS, BW_SCRAMBLE_CELLS, BW_SCRAMBLE_TETS
  * noise     0..1; vertices leave their grid place by up to 0.45 cells times this
  * perturb   0..0.02; random errors of every tet's parameters, relative to the shortest edge in the map;
  * however small, they part singular edges that lay on one wall, so the base complex may get more blocks seed
- * of noise, perturb and scramble scramble  BW_SCRAMBLE_*: charts turned and moved at random; NONE combs them
+ * of noise, perturb, scramble and folds scramble  BW_SCRAMBLE_*: charts turned and moved at random; NONE combs them
  * along a spanning tree of blocks features  1: sharp edges and corners of the boundary of the map are listed
- * as features
+ * as features  folds  0..1000 vertices are moved past their neighbours in the parametrization, so that tets around them
+ * are inverted; transitions, alignment and singular edges stay as they are
  */
 typedef struct {
     int size, count;
     double stretch, noise, perturb;
     uint64_t seed;
     int scramble, features;
+    int folds;
 } bw_model_options;
 
 typedef struct {

@@ -155,6 +155,33 @@ out:
     return status;
 }
 
+/* --- folds --- */
+
+static bool may_move(const bw_star *star) { return star->free[0] || star->free[1] || star->free[2]; }
+
+/* Moves vertices past their neighbours in the parametrization, in all charts alike and along the axes along which they may
+ * move: some tets around them are inverted then, and everything else stays as it was. */
+bw_status bw_folds_apply(bw_build *w) {
+    mover m = {.w = w};
+    bw_status status = w->options->folds ? mover_init(&m, w) : BW_OK;
+    uint64_t state = w->options->seed ^ 0x666f6c6473;
+    for (int i = 0; i < w->options->folds && !status; i++) {
+        size_t v = (size_t)(bw_random(&state) % w->model->vertex_count), tried = 0;
+        while (!may_move(&w->layout.star[w->star[v]]) && ++tried < w->model->vertex_count)
+            v = (v + 1) % w->model->vertex_count;
+        const bw_star *star = &w->layout.star[w->star[v]];
+        double size[3], delta[3];
+        cell_size(&w->layout, star, size);
+        for (int a = 0; a < 3; a++) {
+            double reach = 1.2 + 0.3 * bw_random_signed(&state);
+            delta[a] = star->free[a] ? bw_snap((bw_random(&state) % 2 ? reach : -reach) * size[a]) : 0;
+        }
+        shift_corners(&m, (int32_t)v, delta);
+    }
+    mover_clear(&m);
+    return status;
+}
+
 /* --- charts --- */
 
 static bw_move move_compose(const bw_move *after, const bw_move *before) {

@@ -33,7 +33,7 @@ static outcome run(const char *path, bw_complex_kind kind) {
     bw_complex complex = {0};
     bw_sanitize_report report = {0};
     bw_status status = bw_hexex_read(&ctx, path, &mesh);
-    if (status == BW_OK) status = bw_sanitize(&ctx, 1e-4, &mesh, &map, &report);
+    if (status == BW_OK) status = bw_sanitize(&ctx, &(bw_sanitize_options){.tolerance = 1e-4}, &mesh, &map, &report);
     if (status == BW_OK) status = bw_cells_init(&ctx, &cells, &mesh, &map);
     if (status == BW_OK) status = bw_trace(&ctx, &cells, kind, 200000);
     if (status == BW_OK) status = bw_cells_check(&ctx, &cells);
