@@ -21,7 +21,8 @@ static int run(const cli_command *self, int argc, char **argv) {
     json_t *job = cli_http_json(http, "POST", path, NULL, &code);
     const char *state = json_string_value(json_object_get(job, "state"));
     bool stopping = json_is_true(json_object_get(job, "cancelling"));
-    if (job) printf("%s %s\n", operands.operand[0], stopping ? "cancelling" : state ? state : "?");
+    if (job) printf("%s ", operands.operand[0]);
+    if (job) cli_print_safe(stdout, stopping ? "cancelling" : state ? state : "?"), putchar('\n');
     json_decref(job);
     cli_http_close(http);
     return code;

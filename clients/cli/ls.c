@@ -25,10 +25,14 @@ static const char *text_of(const json_t *object, const char *key) {
 }
 
 static void print_job(const json_t *job) {
-    const json_t *complex = json_object_get(json_object_get(job, "options"), "complex");
-    printf("%-24s  %-10s  %3.0f %%  %-13s  %-3s  %-19.19s  ", text_of(job, "id"), text_of(job, "state"),
-           100 * json_number_value(json_object_get(job, "progress")), text_of(job, "stage"),
-           json_is_string(complex) ? json_string_value(complex) : "mc", text_of(job, "created"));
+    const char *complex = text_of(json_object_get(job, "options"), "complex");
+    char id[65], state[32], stage[32], kind[16], created[20];
+    printf("%-24s  %-10s  %3.0f %%  %-13s  %-3s  %-19s  ", cli_safe(id, sizeof id, text_of(job, "id")),
+           cli_safe(state, sizeof state, text_of(job, "state")),
+           100 * json_number_value(json_object_get(job, "progress")),
+           cli_safe(stage, sizeof stage, text_of(job, "stage")),
+           cli_safe(kind, sizeof kind, *complex ? complex : "mc"),
+           cli_safe(created, sizeof created, text_of(job, "created")));
     cli_print_safe(stdout, text_of(job, "name"));
     putchar('\n');
 }

@@ -25,8 +25,9 @@ static void reduction(const json_t *reduced, const char *kind) {
     const char *mode = json_string_value(json_object_get(reduced, "mode"));
     const char *from = json_string_value(json_object_get(reduced, "from"));
     const json_t *first = json_object_get(reduced, "blocks_farthest_first");
+    char text[32];
     if (!mode) return;
-    printf("%-13s %s", "reduction", mode);
+    printf("%-13s %s", "reduction", cli_safe(text, sizeof text, mode));
     if (from && kind && strcmp(from, kind)) printf(", from the base complex");
     printf(", effort %" JSON_INTEGER_FORMAT, json_integer_value(json_object_get(reduced, "effort")));
     if (json_is_integer(first))
@@ -43,9 +44,9 @@ static void complexes(const json_t *all) {
     json_t *one;
     json_object_foreach((json_t *)all, name, one) {
         if (!json_is_object(one)) continue;
-        char label[64];
+        char label[64], text[64];
         snprintf(label, sizeof label, "%s, %s", kind ? kind : "complex", name);
-        printf("%-13s ", label);
+        printf("%-13s ", cli_safe(text, sizeof text, label));
         count_line(one, keys, words, sizeof keys / sizeof *keys);
     }
     reduction(json_object_get(all, "reduced"), kind);
@@ -65,10 +66,10 @@ static void stages(const json_t *list) {
     json_array_foreach(list, index, stage) {
         const char *name = json_string_value(json_object_get(stage, "name"));
         const json_t *peak = json_object_get(stage, "peak_bytes");
-        char size[24] = "";
+        char size[24] = "", text[32];
         if (json_is_integer(peak)) cli_bytes(size, (uint64_t)json_integer_value(peak));
-        printf("%-13s %10.3f %12s\n", name ? name : "?", json_number_value(json_object_get(stage, "seconds")),
-               size);
+        printf("%-13s %10.3f %12s\n", cli_safe(text, sizeof text, name ? name : "?"),
+               json_number_value(json_object_get(stage, "seconds")), size);
     }
 }
 
@@ -111,14 +112,16 @@ void cli_files_print(const char *folder, int64_t since) {
     struct dirent **entries;
     int n = scandir(folder, &entries, NULL, alphasort);
     if (n < 0) return;
-    printf("\n%s/\n", folder);
+    putchar('\n');
+    cli_print_safe(stdout, folder);
+    puts("/");
     for (int i = 0; i < n; i++) {
-        char path[4096], size[24];
+        char path[4096], name[300], size[24];
         struct stat s;
         snprintf(path, sizeof path, "%s/%s", folder, entries[i]->d_name);
         if (stat(path, &s) == 0 && S_ISREG(s.st_mode) &&
             (int64_t)s.st_mtim.tv_sec * 1000000000 + s.st_mtim.tv_nsec >= since)
-            printf("  %-20s %10s\n", entries[i]->d_name, cli_bytes(size, (uint64_t)s.st_size));
+            printf("  %-20s %10s\n", cli_safe(name, sizeof name, entries[i]->d_name), cli_bytes(size, (uint64_t)s.st_size));
         free(entries[i]);
     }
     free(entries);

@@ -66,6 +66,17 @@ void cli_print_safe(FILE *stream, const char *text) {
     }
 }
 
+const char *cli_safe(char *out, size_t size, const char *text) {
+    size_t left = strlen(text), n = 0;
+    while (left > 0 && n + 1 < size) {
+        size_t control = control_length(text, left), step = control ? control : 1;
+        out[n++] = !control ? *text : *text == '\n' || *text == '\t' ? ' ' : '?';
+        text += step, left -= step;
+    }
+    out[n] = 0;
+    return out;
+}
+
 void cli_error(const char *format, ...) {
     char text[1024];
     va_list args;
@@ -109,8 +120,9 @@ static void draw(const cli_progress *p) {
 void cli_progress_show(cli_progress *p, const char *stage, double fraction) {
     if (p->quiet) return;
     int percent = fraction <= 0 ? 0 : fraction >= 1 ? 100 : (int)(fraction * 100);
-    bool new_stage = strncmp(p->stage, stage, sizeof p->stage - 1) != 0;
-    if (new_stage) snprintf(p->stage, sizeof p->stage, "%s", stage);
+    char safe[sizeof p->stage];
+    bool new_stage = strcmp(p->stage, cli_safe(safe, sizeof safe, stage)) != 0;
+    if (new_stage) memcpy(p->stage, safe, sizeof safe);
     if (!p->tty) {
         if (new_stage) fprintf(stderr, "[%8.2f s] %s\n", cli_now() - p->started, p->stage);
         return;

@@ -29,6 +29,8 @@ const char *cli_bytes(char text[24], uint64_t bytes);   /* "3.1 MB" (powers of 1
 const char *cli_seconds(char text[24], double seconds); /* "0.36 s", "2 min 05 s"; returns text */
 void cli_print_safe(FILE *stream,
                     const char *text); /* control characters become '?', newlines and tabs spaces */
+/* The same into `out`, cut to fit, for a place in a printf; returns out. */
+const char *cli_safe(char *out, size_t size, const char *text);
 void cli_print_lines(FILE *stream, const char *text, size_t size); /* the same, but newlines and tabs stay */
 void cli_error(const char *format, ...)
     __attribute__((format(printf, 1, 2))); /* "blockwright: ..." and a newline */

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -54,10 +55,21 @@ static bw_status fail_unread(bw_context *ctx, bw_input_format format) {
         "line 1: not the beginning of a format that is read: .hexex, VTK, VTU, Gmsh, Medit, OpenVolumeMesh");
 }
 
-bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters,
-                               size_t parameters_size, bw_tet_mesh *mesh) {
-    memset(mesh, 0, sizeof *mesh);
-    bw_input_format format = bw_input_detect(data, size);
+/* Volumes are products of three positions and have to stay finite, as does what is drawn in single precision. */
+static bw_status check_positions(bw_context *ctx, bw_tet_mesh *mesh) {
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        for (int k = 0; k < 3; k++) {
+            if (fabs(mesh->position[v][k]) <= BW_INPUT_POSITION_MAX) continue;
+            bw_fail_element(ctx, "vertex", (int64_t)v, mesh->position[v]);
+            bw_fail(ctx, BW_E_NUMBER, "vertex %zu is at %g, farther out than %g", v, mesh->position[v][k], BW_INPUT_POSITION_MAX);
+            bw_tet_mesh_clear(ctx, mesh);
+            return BW_E_NUMBER;
+        }
+    return BW_OK;
+}
+
+static bw_status read_as(bw_context *ctx, bw_input_format format, const void *data, size_t size, const void *parameters,
+                         size_t parameters_size, bw_tet_mesh *mesh) {
     if (parameters && format > BW_INPUT_EMPTY && format != BW_INPUT_MEDIT)
         return bw_fail(ctx, BW_E_PARAMETERS, "a file of parameters belongs to a Medit mesh only; the input is %s",
                        bw_input_format_name(format));
@@ -77,6 +89,13 @@ bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, c
     default:
         return fail_unread(ctx, format);
     }
+}
+
+bw_status bw_input_read_memory(bw_context *ctx, const void *data, size_t size, const void *parameters,
+                               size_t parameters_size, bw_tet_mesh *mesh) {
+    memset(mesh, 0, sizeof *mesh);
+    bw_status status = read_as(ctx, bw_input_detect(data, size), data, size, parameters, parameters_size, mesh);
+    return status == BW_OK ? check_positions(ctx, mesh) : status;
 }
 
 /* ---- files --------------------------------------------------------------------------------------------- */
@@ -148,6 +167,7 @@ bw_status bw_input_read(bw_context *ctx, const char *path, const char *parameter
     bw_status status = open_file(ctx, path, &input);
     if (status == BW_OK && !parameters_path && is_hexex_file(&input)) {
         status = bw_hexex_read_fd(ctx, input.fd, mesh);
+        if (status == BW_OK) status = check_positions(ctx, mesh);
     } else {
         if (status == BW_OK) status = load_file(ctx, &input);
         if (status == BW_OK && parameters_path) status = open_file(ctx, parameters_path, &parameters);

@@ -11,6 +11,8 @@
  * All of them give the same mesh for the same numbers, bit for bit. A small example of each is in
  * api/examples/formats.
  *
+ * Positions beyond BW_INPUT_POSITION_MAX are refused in all of them (BW_E_NUMBER, with the vertex).
+ *
  * To add a format: a reader <name>.h/.c of the form bw_<name>_read_memory, its row in the tables of input.c,
  * a writer of samples in tests/core/input_kit.h, a fuzz target, an example.
  */
@@ -19,6 +21,8 @@
 
 #include "base/context.h"
 #include "mesh/tetmesh.h"
+
+#define BW_INPUT_POSITION_MAX 1e30
 
 typedef enum {
     BW_INPUT_UNKNOWN,

@@ -152,6 +152,35 @@ void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes) {
 /* ---- to JSON
  * ----------------------------------------------------------------------------------------------------- */
 
+/* Bytes of the UTF-8 sequence at `s` (NUL-terminated); 0 if there is none. */
+static size_t utf8_length(const unsigned char *s) {
+    static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
+    size_t n = *s < 0x80 ? 1 : *s >= 0xc2 && *s < 0xe0 ? 2 : *s >= 0xe0 && *s < 0xf0 ? 3 : *s >= 0xf0 && *s < 0xf5 ? 4 : 0;
+    if (n < 2) return n;
+    uint32_t code = *s & (0x7fu >> n);
+    for (size_t i = 1; i < n; i++) {
+        if ((s[i] & 0xc0) != 0x80) return 0;
+        code = code << 6 | (s[i] & 0x3fu);
+    }
+    return code >= least[n] && code < 0x110000 && (code < 0xd800 || code > 0xdfff) ? n : 0;
+}
+
+/* A string of any bytes (names and messages may hold foreign text, and are cut to fit): '?' stands for what is not UTF-8. */
+static json_t *text_to_json(const char *text) {
+    size_t length = strlen(text), at = 0;
+    char *clean = malloc(length + 1);
+    if (!clean) return NULL;
+    memcpy(clean, text, length + 1);
+    while (at < length) {
+        size_t n = utf8_length((const unsigned char *)clean + at);
+        if (!n) clean[at] = '?';
+        at += n ? n : 1;
+    }
+    json_t *string = json_string(clean);
+    free(clean);
+    return string;
+}
+
 static json_t *range_to_json(const bw_report_range *range) {
     return json_pack("{s:f, s:f, s:f}", "min", range->min, "median", range->median, "max", range->max);
 }
@@ -190,8 +219,7 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
     case TEXT:
         break;
     }
-    json_t *text = json_string(at);
-    return text ? text : json_string(""); /* a file name that is not UTF-8 */
+    return text_to_json(at);
 }
 
 /* Where in a report it is said whether the field's group is there; NULL for what always is. */
@@ -224,15 +252,13 @@ static json_t *error_to_json(const bw_error *error) {
     json_t *elements = json_array();
     for (size_t i = 0; i < error->element_count && i < BW_ELEMENTS_KEPT; i++) {
         const bw_element *e = &error->elements[i];
-        json_t *element = json_pack("{s:s, s:I}", "kind", e->kind, "id", (json_int_t)e->id);
+        json_t *element = json_pack("{s:o, s:I}", "kind", text_to_json(e->kind), "id", (json_int_t)e->id);
         if (e->has_position) json_object_set_new(element, "position", point_to_json(e->position));
         json_array_append_new(elements, element);
     }
-    json_t *message = json_string(error->message);
     json_t *object = json_pack("{s:s, s:s, s:o, s:I, s:o}", "status", bw_status_code(error->status), "class",
-                               bw_class_name(bw_status_class(error->status)), "message",
-                               message ? message : json_string(bw_status_text(error->status)), "element_count",
-                               (json_int_t)error->element_count, "elements", elements);
+                               bw_class_name(bw_status_class(error->status)), "message", text_to_json(error->message),
+                               "element_count", (json_int_t)error->element_count, "elements", elements);
     if (error->region_count) {
         json_object_set_new(object, "region_count", json_integer((json_int_t)error->region_count));
         json_object_set_new(object, "regions", regions_to_json(error->regions, error->region_count));
@@ -250,7 +276,7 @@ char *bw_report_error_json(const bw_error *error) {
 static json_t *stages_to_json(const bw_report *report) {
     json_t *list = json_array();
     for (size_t i = 0; i < report->stage_count; i++)
-        json_array_append_new(list, json_pack("{s:s, s:f, s:I}", "name", report->stage[i].name, "seconds",
+        json_array_append_new(list, json_pack("{s:o, s:f, s:I}", "name", text_to_json(report->stage[i].name), "seconds",
                                               report->stage[i].seconds, "peak_bytes",
                                               (json_int_t)report->stage[i].peak_bytes));
     return list;
@@ -259,7 +285,7 @@ static json_t *stages_to_json(const bw_report *report) {
 static json_t *results_to_json(const bw_report *report) {
     json_t *list = json_array();
     for (size_t i = 0; i < report->result_count; i++)
-        json_array_append_new(list, json_pack("{s:s, s:I}", "name", report->result[i].name, "bytes",
+        json_array_append_new(list, json_pack("{s:o, s:I}", "name", text_to_json(report->result[i].name), "bytes",
                                               (json_int_t)report->result[i].bytes));
     return list;
 }

@@ -19,11 +19,14 @@ typedef struct {
     const char *tag;
     void **data;
     size_t elem_size, count;
+    bool begins; /* offsets into another array, which ends at offset `end` */
+    size_t end;
 } field;
 
 enum { FIELDS_MAX = 64 };
 
-#define FIELD(tag, pointer, n) list[k++] = (field){tag, (void **)&(pointer), sizeof *(pointer), (size_t)(n)}
+#define FIELD(tag, pointer, n) list[k++] = (field){tag, (void **)&(pointer), sizeof *(pointer), (size_t)(n), false, 0}
+#define BEGINS(tag, pointer, n, end) list[k++] = (field){tag, (void **)&(pointer), sizeof(size_t), (size_t)(n) + 1, true, (size_t)(end)}
 
 static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     size_t k = 0;
@@ -62,7 +65,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("arc.length", s->complex.arc_length, n->arc);
     FIELD("arc.quarters", s->complex.arc_quarters, n->arc);
     FIELD("arc.flags", s->complex.arc_flags, n->arc);
-    FIELD("arc.edge.begin", s->complex.arc_edge_begin, n->arc + 1);
+    BEGINS("arc.edge.begin", s->complex.arc_edge_begin, n->arc, n->arc_edge);
     FIELD("arc.edge", s->complex.arc_edge, n->arc_edge);
     FIELD("patch.block", s->complex.patch_block, n->patch);
     FIELD("patch.side", s->complex.patch_side, n->patch);
@@ -70,16 +73,16 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("patch.low", s->complex.patch_low, n->patch);
     FIELD("patch.distance", s->complex.patch_distance, n->patch);
     FIELD("patch.flags", s->complex.patch_flags, n->patch);
-    FIELD("patch.poly.begin", s->complex.patch_polygon_begin, n->patch + 1);
+    BEGINS("patch.poly.begin", s->complex.patch_polygon_begin, n->patch, n->patch_polygon);
     FIELD("patch.poly", s->complex.patch_polygon, n->patch_polygon);
-    FIELD("patch.side.begin", s->complex.patch_chain_begin, 4 * n->patch + 1);
+    BEGINS("patch.side.begin", s->complex.patch_chain_begin, 4 * n->patch, n->patch_chain);
     FIELD("patch.side.arc", s->complex.patch_chain, n->patch_chain);
     FIELD("patch.corner", s->complex.patch_corner, n->patch);
     FIELD("block.extent", s->complex.block_extent, n->block);
     FIELD("block.corner", s->complex.block_corner, n->block);
-    FIELD("block.side.begin", s->complex.block_side_begin, 6 * n->block + 1);
+    BEGINS("block.side.begin", s->complex.block_side_begin, 6 * n->block, n->block_side);
     FIELD("block.side", s->complex.block_side, n->block_side);
-    FIELD("block.edge.begin", s->complex.block_edge_begin, 12 * n->block + 1);
+    BEGINS("block.edge.begin", s->complex.block_edge_begin, 12 * n->block, n->block_edge);
     FIELD("block.edge", s->complex.block_edge, n->block_edge);
     FIELD("cell.block", s->complex.cell_block, n->cell);
     FIELD("cell.chart", s->complex.cell_chart, n->cell);
@@ -156,12 +159,33 @@ bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, in
     return status;
 }
 
+/* What is not there has no size. The sizes of what is there are compared with their sections'. */
+static bool counts_fit(const counts *n) {
+    const uint64_t cells[] = {n->cell_vertex, n->cell_edge, n->cell_half, n->cell_polygon, n->cell};
+    const uint64_t complex[] = {n->node, n->arc, n->patch, n->block, n->arc_edge, n->patch_polygon,
+                                n->patch_chain, n->block_side, n->block_edge, n->torus_splits};
+    uint64_t any_cells = 0, any_complex = 0;
+    for (size_t i = 0; i < sizeof cells / sizeof *cells; i++) any_cells |= cells[i];
+    for (size_t i = 0; i < sizeof complex / sizeof *complex; i++) any_complex |= complex[i];
+    return n->has_cells <= 1 && n->has_complex <= n->has_cells && (n->has_cells ? n->cell >= n->tet : !any_cells) &&
+           (n->has_complex || !any_complex) && n->exponent == (int32_t)n->exponent;
+}
+
+static bool begins_fit(const field *f, const size_t *begin) {
+    for (size_t i = 0; i + 1 < f->count; i++)
+        if (begin[i] > begin[i + 1]) return false;
+    return begin[0] == 0 && begin[f->count - 1] == f->end;
+}
+
 static bw_status read_fields(bw_context *ctx, bw_state *state, const bw_container *file, const counts *n) {
     field list[FIELDS_MAX];
+    if (!counts_fit(n)) return bw_fail(ctx, BW_E_IO, "the state file is damaged: its sizes contradict each other");
     size_t fields = describe(state, n, list);
     for (size_t i = 0; i < fields; i++) {
         const void *data = bw_container_section_of(file, list[i].tag, list[i].elem_size, list[i].count);
         if (!data) return ctx->error.status;
+        if (list[i].begins && !begins_fit(&list[i], data))
+            return bw_fail(ctx, BW_E_IO, "the state file is damaged: offsets in section '%s'", list[i].tag);
         void *copy = bw_alloc(ctx, list[i].count, list[i].elem_size);
         if (!copy) return ctx->error.status;
         memcpy(copy, data, list[i].count * list[i].elem_size);

@@ -2,8 +2,8 @@
  *
  * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too; the report
  * always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
- * own blocks. State files are written and read by this program only and carry a checksum: what they hold is trusted once
- * that is right.
+ * own blocks. State files are written and read by this program only and carry a checksum: once that is right, sizes and
+ * offsets are checked all the same, so that reading and writing are safe whatever the file is; what the elements say is trusted.
  *
  * To add an array: one line in describe() of state.c, and raise the version of the stage that fills it (bw_stage_version).
  */

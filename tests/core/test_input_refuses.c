@@ -294,6 +294,26 @@ static void encoded_data(void **state) {
     bw_tet_mesh_clear(&ctx, &mesh);
 }
 
+static void positions_too_far_out(void **state) {
+    (void)state;
+    static const char *const far[] = {"\n1e31 1 1\n", "\n1 -1e200 1\n", "\n1 1 1.0000001e30\n"};
+    static const char *const files[] = {"cube.hexex", "cube.vtk", "cube.msh", "cube.ovm"};
+    for (size_t i = 0; i < sizeof far / sizeof *far; i++)
+        for (size_t k = 0; k < sizeof files / sizeof *files; k++)
+            refuse_all(files[k], &(damage){"\n1 1 1\n", far[i], BW_E_NUMBER, "vertex", 7, "farther out than 1e+30"}, 1);
+    bw_tet_mesh mesh;
+    char *text = kit_read_file(FOLDER "cube.hexex", NULL), *at = strstr(text, "1 1 1"), bad[4000];
+    for (int limit = 0; limit < 2; limit++) { /* from a file .hexex is streamed */
+        snprintf(bad, sizeof bad, "%.*s%s%s", (int)(at - text), text, limit ? "1e30 1 1" : "1 1e31 1", at + 5);
+        kit_write_text(kit_temp_path("far.hexex"), bad);
+        bw_context_init(&ctx);
+        kit_expect_status(&ctx, bw_input_read(&ctx, kit_temp_path("far.hexex"), NULL, &mesh), limit ? BW_OK : BW_E_NUMBER);
+        bw_tet_mesh_clear(&ctx, &mesh);
+        assert_int_equal(ctx.memory.used, 0);
+    }
+    free(text);
+}
+
 static void a_missing_file_is_an_io_error(void **state) {
     (void)state;
     bw_tet_mesh mesh;
@@ -334,6 +354,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(openvolumemesh),
     cmocka_unit_test(what_is_no_format),
     cmocka_unit_test(encoded_data),
+    cmocka_unit_test(positions_too_far_out),
     cmocka_unit_test(a_missing_file_is_an_io_error),
     cmocka_unit_test(a_cancelled_job_stops_in_every_reader),
 };
