@@ -59,15 +59,20 @@ def queries(doc):
 
 def option_rows(doc):
     for name, schema in sorted(doc["components"]["schemas"]["Options"]["properties"].items()):
-        kind = {"string": "ENUM", "number": "NUMBER", "integer": "INTEGER", "boolean": "BOOLEAN"}.get(schema["type"])
+        kind = {"string": "ENUM", "number": "NUMBER", "integer": "INTEGER", "boolean": "BOOLEAN", "array": "NUMBERS"}.get(schema["type"])
         if not kind or (kind == "ENUM" and "enum" not in schema):
             die("option %s has a type without a C table" % name)
         if "default" not in schema:
             die("option %s needs a default" % name)
+        length = schema.get("maxItems", 0)
+        if kind == "NUMBERS":
+            if not length or schema["items"].get("type") != "number":
+                die("option %s has to be a list of numbers with maxItems" % name)
+            schema = dict(schema["items"], default=schema["default"])
         low = schema.get("exclusiveMinimum", schema.get("minimum", 0))
         high = schema.get("exclusiveMaximum", schema.get("maximum", 0))
         yield (name, kind, schema.get("enum", []), low, "exclusiveMinimum" in schema, high, "exclusiveMaximum" in schema,
-               json.dumps(schema["default"]))
+               length, json.dumps(schema["default"]))
 
 
 def check(doc):
@@ -126,7 +131,7 @@ typedef struct {
 } bw_api_stage;
 extern const bw_api_stage bw_api_stages[BW_API_STAGE_COUNT];
 
-typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER, BW_OPTION_BOOLEAN } bw_option_kind;
+typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER, BW_OPTION_BOOLEAN, BW_OPTION_NUMBERS } bw_option_kind;
 enum { BW_API_OPTION_COUNT = %d };
 typedef struct {
     const char *name;
@@ -134,6 +139,7 @@ typedef struct {
     const char *const *values; /* of an enumeration, NULL-terminated */
     double minimum, maximum;
     bool above_minimum, below_maximum; /* the bound itself is excluded */
+    size_t length;                     /* of a list of numbers: how many at most; the bounds are those of its items */
     const char *default_json;
 } bw_api_option;
 extern const bw_api_option bw_api_options[BW_API_OPTION_COUNT]; /* sorted by name */
@@ -167,9 +173,9 @@ def source(doc, include):
     rows = list(option_rows(doc))
     out += [names_array("values_" + r[0], r[2]) for r in rows]
     out.append("const bw_api_option bw_api_options[BW_API_OPTION_COUNT] = {")
-    for name, kind, _, low, above, high, below, default in rows:
-        out.append("    {%s, BW_OPTION_%s, values_%s, %r, %r, %s, %s, %s}," % (
-            quote(name), kind, name, float(low), float(high), str(above).lower(), str(below).lower(), quote(default)))
+    for name, kind, _, low, above, high, below, length, default in rows:
+        out.append("    {%s, BW_OPTION_%s, values_%s, %r, %r, %s, %s, %d, %s}," % (
+            quote(name), kind, name, float(low), float(high), str(above).lower(), str(below).lower(), length, quote(default)))
     out.append("};")
     text = json.dumps(doc, indent=1, sort_keys=False, ensure_ascii=True) + "\n"
     out.append("const char bw_api_document[] =")

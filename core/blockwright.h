@@ -1,7 +1,7 @@
 /* Blockwright's core: from a tet mesh with a seamless parametrization to a complex of cuboid blocks.
  *
  * The only header that programs outside core include. A job is a row of stages; each reads the state that the one
- * before it left and either grows or changes it (sanitize, trace, build, reduce) or writes results (encode):
+ * before it left and either grows or changes it (sanitize, trace, build, reduce, quantize) or writes results (encode):
  *
  *     input file --sanitize--> state --trace--> state --build--> state --encode--> result files
  *
@@ -19,15 +19,24 @@ typedef enum {
     BW_STAGE_TRACE,
     BW_STAGE_BUILD,
     BW_STAGE_REDUCE,
+    BW_STAGE_QUANTIZE, /* passes the state on if no quantization is asked for */
     BW_STAGE_ENCODE,
     BW_STAGE_COUNT
 } bw_stage;
+
+enum { BW_OPTION_SCALES = 64 };
 
 typedef struct {
     bw_complex_kind complex;
     bw_reduce_mode reduce;
     bw_self_adjacent self_adjacent;
     int effort;          /* 0..3: how long reduce searches for fewer blocks; 0 is the paper's order only */
+    bw_quantize_range quantize;
+    double scale;          /* size of the quantization: arcs as long as scale times their length in the map; 0: the coarsest */
+    uint64_t target_hexes; /* not 0: instead of scale, the one that comes nearest to this number of hexes */
+    double time_limit;     /* seconds for the search of one quantization */
+    size_t scale_count;    /* more sizes, for a table in the report */
+    double scales[BW_OPTION_SCALES];
     bw_stage until;      /* last stage to run */
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     bool repair;         /* sanitize may move vertices in parameter space where tets are inverted or degenerate */

@@ -12,6 +12,7 @@
 #include "format/state.h"
 #include "stage/build.h"
 #include "stage/encode.h"
+#include "stage/quantize.h"
 #include "stage/reduce.h"
 #include "stage/sanitize.h"
 #include "stage/trace.h"
@@ -141,8 +142,19 @@ static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state
     return BW_OK;
 }
 
+_Static_assert((int)BW_OPTION_SCALES == (int)BW_SCALES_MAX, "the report has a row for each scale");
+
+static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    if (options->quantize == BW_QUANTIZE_NONE) return BW_OK;
+    bw_quantize_options how = {.range = options->quantize, .scale = options->scale, .target_hexes = options->target_hexes,
+                               .seconds = options->time_limit, .scale_count = options->scale_count};
+    memcpy(how.scales, options->scales, sizeof how.scales);
+    return bw_quantize(ctx, &state->cells, &state->complex, &how, &state->length, &state->report);
+}
+
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, options->vtk, &state->report, out);
+    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, options->vtk, &state->report, out);
 }
 
 /* A version changes whenever a stage's result for the same input does, or its state file. */
@@ -155,7 +167,8 @@ static const struct {
     [BW_STAGE_TRACE] = {"trace", 5, run_trace},
     [BW_STAGE_BUILD] = {"build", 5, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 3, run_reduce},
-    [BW_STAGE_ENCODE] = {"encode", 3, run_encode},
+    [BW_STAGE_QUANTIZE] = {"quantize", 1, run_quantize},
+    [BW_STAGE_ENCODE] = {"encode", 4, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -171,10 +184,13 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
     return BW_E_USAGE;
 }
 
+#define BW_SCALE_MAX 1e4 /* a model of 1000 parameter units has 10^7 hexes along it then */
+
 /* ---- options ------------------------------------------------------------------------------------------------------- */
 
 void bw_options_defaults(bw_options *options) {
-    *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000};
+    *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
+                            .scale = 1, .time_limit = 10};
 }
 
 /* Index of a word in a list of names; -1 if it is none of them. */
@@ -183,6 +199,44 @@ static int choice(const json_t *value, const char *const *names, int count) {
     for (int i = 0; i < count && word; i++)
         if (!strcmp(word, names[i])) return i;
     return -1;
+}
+
+static bw_status set_scales(bw_context *ctx, bw_options *o, const json_t *value) {
+    o->scale_count = 0;
+    bool good = json_is_array(value) && json_array_size(value) <= BW_OPTION_SCALES;
+    for (size_t i = 0; good && i < json_array_size(value); i++) {
+        const json_t *item = json_array_get(value, i);
+        double scale = json_number_value(item);
+        good = json_is_number(item) && scale >= 0 && scale <= BW_SCALE_MAX;
+        if (good) o->scales[o->scale_count++] = scale;
+    }
+    return good ? BW_OK : bw_fail(ctx, BW_E_USAGE, "option scales is a list of up to %d numbers from 0 to %g", BW_OPTION_SCALES, BW_SCALE_MAX);
+}
+
+static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
+    static const char *const words[] = {"none", "positive"};
+    if (!strcmp(name, "quantize")) {
+        int i = choice(value, words, 2);
+        if (i < 0) return bw_fail(ctx, BW_E_USAGE, "option quantize is \"none\" or \"positive\"");
+        o->quantize = (bw_quantize_range)i;
+    } else if (!strcmp(name, "scale")) {
+        o->scale = json_number_value(value);
+        if (!json_is_number(value) || !(o->scale >= 0 && o->scale <= BW_SCALE_MAX))
+            return bw_fail(ctx, BW_E_USAGE, "option scale is a number from 0 to %g", BW_SCALE_MAX);
+    } else if (!strcmp(name, "target_hexes")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 1000000000)
+            return bw_fail(ctx, BW_E_USAGE, "option target_hexes is an integer from 0 to 1000000000");
+        o->target_hexes = (uint64_t)json_integer_value(value);
+    } else if (!strcmp(name, "time_limit")) {
+        o->time_limit = json_number_value(value);
+        if (!json_is_number(value) || !(o->time_limit >= 0 && o->time_limit <= 3600))
+            return bw_fail(ctx, BW_E_USAGE, "option time_limit is a number of seconds from 0 to 3600");
+    } else if (!strcmp(name, "scales")) {
+        return set_scales(ctx, o, value);
+    } else {
+        return bw_fail(ctx, BW_E_USAGE, "there is no option \"%s\"", name);
+    }
+    return BW_OK;
 }
 
 static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
@@ -223,7 +277,7 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
             return bw_fail(ctx, BW_E_USAGE, "option max_cells is a positive integer");
         o->max_cells = (uint64_t)json_integer_value(value);
     } else {
-        return bw_fail(ctx, BW_E_USAGE, "there is no option \"%s\"", name);
+        return set_quantize(ctx, o, name, value);
     }
     return BW_OK;
 }

@@ -15,6 +15,19 @@ static bool in_range(const bw_api_option *option, double value) {
            (option->below_maximum ? value < option->maximum : value <= option->maximum);
 }
 
+static json_t *canonical_list(const bw_api_option *option, json_t *value) {
+    if (!json_is_array(value) || json_array_size(value) > option->length) return NULL;
+    json_t *list = json_array(), *item;
+    size_t index;
+    json_array_foreach(value, index, item) {
+        bool good = json_is_number(item) && in_range(option, json_number_value(item));
+        if (good && json_array_append_new(list, json_real(json_number_value(item))) == 0) continue;
+        json_decref(list);
+        return NULL;
+    }
+    return list;
+}
+
 /* The value in its one canonical form, as a new reference; NULL if it is not a value of the option. */
 static json_t *canonical(const bw_api_option *option, json_t *value) {
     switch (option->kind) {
@@ -30,6 +43,8 @@ static json_t *canonical(const bw_api_option *option, json_t *value) {
         return json_integer(json_integer_value(value));
     case BW_OPTION_BOOLEAN:
         return json_is_boolean(value) ? json_boolean(json_is_true(value)) : NULL;
+    case BW_OPTION_NUMBERS:
+        return canonical_list(option, value);
     }
     return NULL;
 }
@@ -43,8 +58,10 @@ static void explain(const bw_api_option *option, char *detail, size_t size) {
     } else if (option->kind == BW_OPTION_BOOLEAN && at < size) {
         snprintf(detail + at, size - at, "true or false");
     } else if (at < size) {
+        char list[60];
+        snprintf(list, sizeof list, "a list of up to %zu numbers, each", option->length);
         snprintf(detail + at, size - at, "%s %s %.15g and %s %.15g",
-                 option->kind == BW_OPTION_INTEGER ? "an integer" : "a number",
+                 option->kind == BW_OPTION_NUMBERS ? list : option->kind == BW_OPTION_INTEGER ? "an integer" : "a number",
                  option->above_minimum ? "greater than" : "at least", option->minimum,
                  option->below_maximum ? "less than" : "at most", option->maximum);
     }
@@ -91,6 +108,8 @@ int bw_joboptions_stages(const json_t *all) {
     return BW_API_STAGE_COUNT;
 }
 
+static bool add_text(bw_digest *digest, const char *text) { return bw_digest_add(digest, text, strlen(text)); }
+
 static bool add_stage(bw_digest *digest, const bw_api_stage *stage, const json_t *all) {
     char line[160];
     int n = snprintf(line, sizeof line, "%s %d\n", stage->name, stage->version);
@@ -98,14 +117,13 @@ static bool add_stage(bw_digest *digest, const bw_api_stage *stage, const json_t
     for (const char *const *name = stage->options; *name; name++) {
         char *value = json_dumps(json_object_get(all, *name), JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(17));
         if (!value) return false;
-        n = snprintf(line, sizeof line, " %s=%s\n", *name, value);
+        bool good = add_text(digest, " ") && add_text(digest, *name) && add_text(digest, "=") && add_text(digest, value) &&
+                    add_text(digest, "\n");
         free(value);
-        if (n >= (int)sizeof line || !bw_digest_add(digest, line, (size_t)n)) return false;
+        if (!good) return false;
     }
     return true;
 }
-
-static bool add_text(bw_digest *digest, const char *text) { return bw_digest_add(digest, text, strlen(text)); }
 
 bool bw_cache_key(const char *input_sha256, const char *parameters_sha256, const json_t *all, int stage,
                   char key[BW_SHA256_TEXT]) {

@@ -1,11 +1,45 @@
 #include "joboptions.h"
 
-json_t *cli_job_options_json(const cli_job_options *o) {
-    json_t *json = json_object();
+#include <stdlib.h>
+
+/* "0,0.5,1" as a list; NULL if it is none. */
+static json_t *numbers(const char *text) {
+    json_t *list = json_array();
+    for (char *end;; text = end + 1) {
+        double value = strtod(text, &end);
+        if (end == text || (*end && *end != ',') || json_array_append_new(list, json_real(value))) break;
+        if (!*end) return list;
+    }
+    json_decref(list);
+    return NULL;
+}
+
+static const char *conflict(const cli_job_options *o) {
+    int sizes = (o->scale > 0) + o->coarsest + (o->target_hexes > 0);
+    if (sizes > 1) return "only one of --scale, --coarsest and --target-hexes says the size";
+    if (!o->quantize && (sizes || o->scales || o->time_limit > 0))
+        return "a size or time limit of the quantization wants --quantize positive";
+    return NULL;
+}
+
+json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
+    json_t *json = json_object(), *scales = o->scales ? numbers(o->scales) : NULL;
+    const char *wrong = conflict(o);
+    if (!wrong && o->scales && !scales) wrong = "--scales wants numbers with commas between them";
+    if (wrong) {
+        *problem = wrong;
+        json_decref(json), json_decref(scales);
+        return NULL;
+    }
     if (o->complex) json_object_set_new(json, "complex", json_string(o->complex));
     if (o->reduce) json_object_set_new(json, "reduce", json_string(o->reduce));
     if (o->self_adjacent) json_object_set_new(json, "self_adjacent", json_string(o->self_adjacent));
     if (o->effort) json_object_set_new(json, "effort", json_integer(o->effort[0] - '0'));
+    if (o->quantize) json_object_set_new(json, "quantize", json_string(o->quantize));
+    if (o->scale > 0 || o->coarsest) json_object_set_new(json, "scale", json_real(o->scale));
+    if (o->target_hexes > 0) json_object_set_new(json, "target_hexes", json_integer(o->target_hexes));
+    if (scales) json_object_set_new(json, "scales", scales);
+    if (o->time_limit > 0) json_object_set_new(json, "time_limit", json_real(o->time_limit));
     if (o->vtk) json_object_set_new(json, "vtk", json_string("yes"));
     if (o->repair) json_object_set_new(json, "repair", json_true());
     if (o->until) json_object_set_new(json, "until", json_string(o->until));

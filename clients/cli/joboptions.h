@@ -13,6 +13,11 @@ typedef struct {
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells;           /* 0: not given */
+    const char *quantize;        /* NULL: not given */
+    double scale, time_limit;    /* 0: not given */
+    bool coarsest;
+    int64_t target_hexes;        /* 0: not given */
+    const char *scales;          /* numbers between commas; NULL: not given */
     bool vtk, repair;
     const char *parameters;      /* a file, not one of the options in JSON; NULL: not given */
 } cli_job_options;
@@ -30,9 +35,21 @@ typedef struct {
      "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
     {"repair", 0, CLI_FLAG, offsetof(settings, job.repair), NULL,                                            \
      "re-solve the map where a few tets are inverted or degenerate, if the fix is certain", 0, 0},           \
+    {"quantize", 0, CLI_CHOICE, offsetof(settings, job.quantize), "none|positive",                           \
+     "integer lengths of arcs: none (default), or all at least 1", 0, 0},                                    \
+    {"scale", 0, CLI_NUMBER, offsetof(settings, job.scale), "S",                                             \
+     "their size: S times the length in the map (default 1)", 1e-9, 1e4},                                    \
+    {"coarsest", 0, CLI_FLAG, offsetof(settings, job.coarsest), NULL,                                        \
+     "their size: as small as can be", 0, 0},                                                                \
+    {"target-hexes", 0, CLI_INTEGER, offsetof(settings, job.target_hexes), "N",                              \
+     "their size: as near to N hexes as can be", 1, 1e9},                                                    \
+    {"scales", 0, CLI_TEXT, offsetof(settings, job.scales), "S,S,...",                                       \
+     "more sizes, for the table of the report (0: the coarsest)", 0, 0},                                     \
+    {"time-limit", 0, CLI_NUMBER, offsetof(settings, job.time_limit), "SECONDS",                             \
+     "for the search of one quantization (default 10)", 1e-9, 3600},                                         \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
-    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|encode",            \
+    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|encode",   \
      "stop after this stage (default encode)", 0, 0},                                                        \
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
      "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \
@@ -42,8 +59,8 @@ typedef struct {
      "parameters of a Medit mesh (12 numbers per tet)", 0, 0}
 /* clang-format on */
 
-/* The options that were given, as the JSON object that jobs carry. Owned by the caller; NULL if out of
- * memory. */
-json_t *cli_job_options_json(const cli_job_options *options);
+/* The options that were given, as the JSON object that jobs carry. Owned by the caller; NULL if out of memory, or if they do not fit together: then
+ * *problem says why (else it is left alone). */
+json_t *cli_job_options_json(const cli_job_options *options, const char **problem);
 
 #endif

@@ -62,11 +62,13 @@ static void on_log(void *user, const char *line) {
 
 /* The same check as a worker's. */
 static bw_status read_options(bw_context *ctx, const settings *s, bw_options *o) {
-    json_t *json = cli_job_options_json(&s->job);
+    const char *problem = NULL;
+    json_t *json = cli_job_options_json(&s->job, &problem);
     char *text = json ? json_dumps(json, 0) : NULL;
     bw_options_defaults(o);
     bw_status status = text ? bw_options_from_json(ctx, o, text, strlen(text))
-                            : bw_fail(ctx, BW_E_MEMORY, "no memory for the options");
+                   : problem ? bw_fail(ctx, BW_E_USAGE, "%s", problem)
+                             : bw_fail(ctx, BW_E_MEMORY, "no memory for the options");
     o->parameters = s->job.parameters;
     free(text);
     json_decref(json);
@@ -135,10 +137,10 @@ const cli_command cli_command_run = {
              "VTK (.vtk, .vtu), Gmsh .msh, OpenVolumeMesh .ovm, or Medit .mesh with --parameters; the\n"
              "format is found by content. Makes the map exactly seamless (sanitize), traces the walls\n"
              "of its motorcycle complex (trace), finds nodes, arcs, patches and blocks (build), takes\n"
-             "away the walls that can be spared (reduce) and\n"
-             "writes to DIR (encode):\n\n"
+             "away the walls that can be spared (reduce), finds integer lengths for all arcs if --quantize\n"
+             "asks for them (quantize) and writes to DIR (encode):\n\n"
              "  report.json    counts, displacement, seconds and peak memory per stage; or why it failed\n"
-             "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet\n"
+             "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet; integer lengths\n"
              "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
              "  traced.hexex   the tet mesh refined along the walls, exact parameters and the wall list\n\n"
              "The same input gives the same bytes, with any number of threads and through a daemon as\n"

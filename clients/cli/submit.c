@@ -71,10 +71,10 @@ typedef struct {
     char input[CLI_HASH_TEXT], parameters[CLI_HASH_TEXT];
 } blobs;
 
-static char *job_request(const settings *s, const char *file, const blobs *names) {
+static char *job_request(const settings *s, json_t *job_options, const char *file, const blobs *names) {
     const char *slash = strrchr(file, '/');
     const char *name = s->name ? s->name : slash ? slash + 1 : file;
-    json_t *request = json_pack("{s:s, s:o}", "input", names->input, "options", cli_job_options_json(&s->job));
+    json_t *request = json_pack("{s:s, s:o}", "input", names->input, "options", json_incref(job_options));
     json_t *text = json_string(name); /* NULL if it is not UTF-8: then the job goes without a name */
     if (text) json_object_set_new(request, "name", text);
     if (*names->parameters) json_object_set_new(request, "parameters", json_string(names->parameters));
@@ -83,13 +83,13 @@ static char *job_request(const settings *s, const char *file, const blobs *names
     return body;
 }
 
-static int submit(cli_http *http, const settings *s, const char *file) {
+static int submit(cli_http *http, const settings *s, json_t *job_options, const char *file) {
     blobs names = {0};
     int code = upload(http, file, s->quiet, names.input);
     if (code == CLI_DONE && s->job.parameters)
         code = upload(http, s->job.parameters, s->quiet, names.parameters);
     if (code != CLI_DONE) return code;
-    char *body = job_request(s, file, &names);
+    char *body = job_request(s, job_options, file, &names);
     if (!body) {
         cli_error("out of memory");
         return CLI_INTERNAL;
@@ -117,9 +117,13 @@ static int run(const cli_command *self, int argc, char **argv) {
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 1, 1)) return CLI_USAGE;
     if (s.name && strlen(s.name) > 200) return cli_usage_error(self, "--name is longer than 200 bytes");
+    const char *problem = "out of memory";
+    json_t *job_options = cli_job_options_json(&s.job, &problem);
+    if (!job_options) return cli_usage_error(self, "%s", problem);
     cli_http *http = cli_http_open(s.server);
-    int code = submit(http, &s, operands.operand[0]);
+    int code = submit(http, &s, job_options, operands.operand[0]);
     cli_http_close(http);
+    json_decref(job_options);
     return code;
 }
 
@@ -135,6 +139,7 @@ const cli_command cli_command_submit = {
     .examples = "  blockwright submit part.hexex\n"
                 "  blockwright submit part.mesh --parameters part.parameters\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"
+                "  blockwright submit part.hexex --quantize positive --target-hexes 5000 --out result\n"
                 "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",
     .options = options,
     .option_count = sizeof options / sizeof *options,

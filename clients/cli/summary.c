@@ -59,6 +59,29 @@ static void range_line(const char *label, const json_t *range, const char *what)
            json_number_value(json_object_get(range, "median")), what);
 }
 
+static double number(const json_t *object, const char *key) { return json_number_value(json_object_get(object, key)); }
+
+static void size_line(const char *label, const json_t *row) {
+    const char *status = json_string_value(json_object_get(row, "status"));
+    printf("%-13s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"), number(row, "objective"),
+           number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"), number(row, "distortion"), status ? status : "?");
+}
+
+/* What was found, and the table over sizes. */
+static void quantization(const json_t *q) {
+    const char *range = json_string_value(json_object_get(q, "range"));
+    if (!range) return;
+    printf("%-13s %s lengths, %.0f free integers, %.3f s", "quantization", range, number(q, "free_integers"), number(q, "seconds"));
+    if (number(q, "gap") > 0) printf(", may be better by %.2g %%", 100 * number(q, "gap"));
+    if (number(q, "target_hexes") > 0)
+        printf(", %s %.0f hexes", json_is_true(json_object_get(q, "target_met")) ? "near" : "as near as found to", number(q, "target_hexes"));
+    printf("\n%-13s %8s %10s %12s %12s %7s %9s %11s  %s\n", "", "scale", "hexes", "objective", "bound", "zeros", "negatives", "distortion", "status");
+    size_t index;
+    json_t *row;
+    json_array_foreach(json_object_get(q, "sweep"), index, row) size_line("sweep", row);
+    size_line("lengths", q);
+}
+
 static void stages(const json_t *list) {
     size_t index;
     json_t *stage;
@@ -85,6 +108,7 @@ void cli_summary_print(const json_t *report) {
     if (json_is_number(displacement))
         printf("%-13s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
     complexes(json_object_get(report, "complex"));
+    quantization(json_object_get(report, "quantization"));
     const json_t *quality = json_object_get(report, "quality");
     range_line("block extent", json_object_get(quality, "block_extent"), "in the map");
     range_line("block aspect", json_object_get(quality, "block_aspect"), "longest over shortest extent");

@@ -9,6 +9,7 @@ typedef struct {
     bw_output out;
     const bw_cells *cells;
     const bw_complex *c;
+    const int64_t *length; /* [arc] or NULL */
 } writer;
 
 /* ---- patches and charts
@@ -136,6 +137,9 @@ static void put_arc(writer *w, size_t i) {
     put_flag(w, "singular", w->c->arc_flags[i] & BW_ARC_SINGULAR);
     put_flag(w, "boundary", w->c->arc_flags[i] & BW_ARC_BOUNDARY);
     put_flag(w, "t", w->c->arc_flags[i] & BW_ARC_T);
+    if (!w->length) return;
+    put_key(w, "quantized", false);
+    bw_put_integer(&w->out, w->length[i]);
 }
 
 static void put_transition(writer *w, bw_patch patch) {
@@ -177,10 +181,24 @@ static void put_patch(writer *w, size_t i) {
     put_transition(w, (bw_patch)i);
 }
 
+/* Extents in integers: along the low edge of each axis. */
+static void put_hexes(writer *w, size_t block) {
+    put_key(w, "hexes", false);
+    for (size_t axis = 0; axis < 3; axis++) {
+        size_t edge = 12 * block + 4 * axis;
+        int64_t sum = 0;
+        for (size_t i = w->c->block_edge_begin[edge]; i < w->c->block_edge_begin[edge + 1]; i++) sum += w->length[w->c->block_edge[i] >> 1];
+        bw_put_text(&w->out, axis ? ", " : "[");
+        bw_put_integer(&w->out, sum);
+    }
+    bw_put_text(&w->out, "]");
+}
+
 static void put_block(writer *w, size_t i, double volume) {
     put_key(w, "volume", true);
     bw_put_number(&w->out, volume);
     put_lengths(w, "extent", "extent_grid", w->c->block_extent[i], 3);
+    if (w->length) put_hexes(w, i);
     put_key(w, "corners", false);
     put_list(w, w->c->block_corner[i], 8);
     put_key(w, "sides", false);
@@ -220,9 +238,9 @@ static void put_head(writer *w, const char *kind) {
 }
 
 bw_status bw_blocks_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const char *kind,
-                          const double *volume, const double (*position)[3], const char *path,
+                          const int64_t *length, const double *volume, const double (*position)[3], const char *path,
                           uint64_t *bytes) {
-    writer w = {.cells = cells, .c = complex};
+    writer w = {.cells = cells, .c = complex, .length = length};
     bw_output_open(ctx, &w.out, path);
     put_head(&w, kind);
     static const char *const names[] = {"nodes", "arcs", "patches", "blocks"};

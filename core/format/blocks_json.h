@@ -4,7 +4,8 @@
  * units as doubles, and in units of the exact grid (`..._grid`; integers, as text from 2^53 on). In a chain,
  * i means arc i from its first node to its second, -1 - i the same arc the other way round. The transition of
  * a patch carries the chart of its first block to that of its second: v[i] = sign(r[i]) u[|r[i]| - 1] +
- * shift[i].
+ * shift[i]. Where the complex was quantized, every arc has its integer `quantized` and every block three `hexes`: its extents in
+ * integers.
  *
  * The same input gives the same bytes. A member that goes away or changes its meaning raises
  * BW_BLOCKS_VERSION; a new one does not.
@@ -22,10 +23,10 @@ bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *complex, bw_patch
 /* From the chart of patch_block[patch][0] to that of patch_block[patch][1]; not for a boundary patch. */
 bw_transition bw_patch_transition(const bw_cells *cells, const bw_complex *complex, bw_patch patch);
 
-/* kind: "mc" or "bc". volume: of every block in the input's space; position: of every vertex of the cell
+/* kind: "mc" or "bc". length: integer lengths of the arcs, or NULL. volume: of every block in the input's space; position: of every vertex of the cell
  * complex. bytes: size of the file. BW_E_IO. */
 bw_status bw_blocks_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const char *kind,
-                          const double *volume, const double (*position)[3], const char *path,
+                          const int64_t *length, const double *volume, const double (*position)[3], const char *path,
                           uint64_t *bytes);
 
 #endif

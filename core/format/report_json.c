@@ -26,6 +26,7 @@ typedef struct {
 #define COMPLEX(type, name) MEMBER("complex", NULL, type, complex., name)
 #define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
 #define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
+#define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -96,6 +97,29 @@ static const field fields[] = {
     REDUCED(COUNT, orders_tried),
     REDUCED(COUNT, patches_removed),
     REDUCED(COUNT, blocks_farthest_first),
+    QUANT(TEXT, range),
+    QUANT(TEXT, status),
+    QUANT(NUMBER, scale),
+    QUANT(NUMBER, objective),
+    QUANT(NUMBER, bound),
+    QUANT(NUMBER, gap),
+    QUANT(NUMBER, heuristic),
+    QUANT(NUMBER, distortion),
+    QUANT(COUNT, target_hexes),
+    QUANT(FLAG, target_met),
+    QUANT(COUNT, hexes),
+    QUANT(COUNT, zero_arcs),
+    QUANT(COUNT, negative_arcs),
+    QUANT(COUNT, arcs),
+    QUANT(COUNT, classes),
+    QUANT(COUNT, free_integers),
+    QUANT(COUNT, rounds),
+    QUANT(COUNT, constraints),
+    QUANT(COUNT, nodes),
+    QUANT(NUMBER, seconds),
+    QUANT(NUMBER, seconds_setup),
+    QUANT(NUMBER, seconds_separation),
+    QUANT(NUMBER, seconds_solver),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -111,6 +135,7 @@ static const struct {
 } sections[] = {
     {"input", offsetof(bw_report, has_input)},     {"sanitize", offsetof(bw_report, has_sanitize)},
     {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
+    {"quantization", offsetof(bw_report, has_quantization)},
     {"quality", offsetof(bw_report, has_quality)},
 };
 
@@ -229,6 +254,18 @@ static const bool *presence(const field *f, const bw_report *report) {
     return NULL;
 }
 
+static json_t *sweep_to_json(const bw_report *report) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < report->sweep_count; i++) {
+        const bw_report_sweep *r = &report->sweep[i];
+        json_array_append_new(list, json_pack("{s:f, s:I, s:f, s:f, s:f, s:I, s:I, s:s, s:f}", "scale", r->scale, "hexes", (json_int_t)r->hexes,
+                                              "objective", r->objective, "bound", r->bound, "distortion", r->distortion,
+                                              "zero_arcs", (json_int_t)r->zero_arcs, "negative_arcs", (json_int_t)r->negative_arcs,
+                                              "status", r->status, "seconds", r->seconds));
+    }
+    return list;
+}
+
 static json_t *section_to_json(const char *name, const bw_report *report) {
     json_t *section = json_object();
     for (size_t i = 0; i < FIELDS; i++) {
@@ -244,6 +281,10 @@ static json_t *section_to_json(const char *name, const bw_report *report) {
             json_decref(section);
             return NULL;
         }
+    }
+    if (!strcmp(name, "quantization") && json_object_set_new(section, "sweep", sweep_to_json(report))) {
+        json_decref(section);
+        return NULL;
     }
     return section;
 }
@@ -389,6 +430,23 @@ static bool field_from_json(const field *f, const json_t *value, bw_report *repo
     return true;
 }
 
+static bool sweep_from_json(const json_t *list, bw_report *report) {
+    if (!json_is_array(list) || json_array_size(list) > BW_REPORT_SWEEP) return false;
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        bw_report_sweep *r = &report->sweep[i];
+        json_int_t hexes, zero, negative;
+        const char *status;
+        if (json_unpack(json_array_get(list, i), "{s:F, s:I, s:F, s:F, s:F, s:I, s:I, s:s, s:F}", "scale", &r->scale, "hexes", &hexes,
+                        "objective", &r->objective, "bound", &r->bound, "distortion", &r->distortion, "zero_arcs", &zero,
+                        "negative_arcs", &negative, "status", &status, "seconds", &r->seconds))
+            return false;
+        r->hexes = (uint64_t)hexes, r->zero_arcs = (uint64_t)zero, r->negative_arcs = (uint64_t)negative;
+        snprintf(r->status, sizeof r->status, "%s", status);
+    }
+    report->sweep_count = json_array_size(list);
+    return true;
+}
+
 static bool section_from_json(const char *name, const json_t *section, bw_report *report) {
     if (!json_is_object(section)) return false;
     for (size_t i = 0; i < FIELDS; i++) {
@@ -400,6 +458,7 @@ static bool section_from_json(const char *name, const json_t *section, bw_report
         if (there) *there = true;
         if (!field_from_json(f, json_object_get(from, f->name), report)) return false;
     }
+    if (!strcmp(name, "quantization")) return sweep_from_json(json_object_get(section, "sweep"), report);
     return true;
 }
 

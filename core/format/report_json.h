@@ -12,7 +12,7 @@
 
 #include "complex/complex.h"
 
-enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 16 };
+enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 16, BW_REPORT_SWEEP = 64 };
 
 typedef struct {
     double min, median, max;
@@ -29,8 +29,32 @@ typedef struct {
     uint64_t bytes;
 } bw_report_result;
 
+/* The integer lengths that were found. Objective: sum over arcs of (length - scale * input length)^2. */
 typedef struct {
-    bool has_input, has_sanitize, has_trace, has_complex, has_quality;
+    char range[16];  /* "positive", "nonnegative", "any" */
+    char status[16]; /* "optimal": nothing valid is better; "gap": it may be better by `gap`; "heuristic": not searched */
+    double scale;    /* 0: the coarsest */
+    double objective, bound, gap; /* bound: nothing valid is below it; gap: relative */
+    double heuristic;             /* objective that the search started from */
+    double distortion;            /* root mean square error of lengths relative to scale * input length; 0 at scale 0 */
+    uint64_t target_hexes;        /* 0: a scale was asked for */
+    bool target_met;              /* hexes are within 5 % of it */
+    uint64_t hexes, zero_arcs, negative_arcs;
+    uint64_t arcs, classes, free_integers; /* classes: arcs that are always equally long count once */
+    uint64_t rounds, constraints, nodes;   /* rounds: times that validity was found broken; constraints: learnt from that; nodes: of the search */
+    double seconds, seconds_setup, seconds_separation, seconds_solver;
+} bw_report_quantization;
+
+/* One row of the table over sizes. */
+typedef struct {
+    double scale, objective, bound, distortion;
+    uint64_t hexes, zero_arcs, negative_arcs;
+    char status[16];
+    double seconds;
+} bw_report_sweep;
+
+typedef struct {
+    bool has_input, has_sanitize, has_trace, has_complex, has_quantization, has_quality;
     bool has_reduced; /* complex.reduced */
     bool has_repaired; /* sanitize.repaired */
 
@@ -80,6 +104,10 @@ typedef struct {
             uint64_t blocks_farthest_first; /* blocks that the paper's order alone leaves */
         } reduced;
     } complex;
+
+    bw_report_quantization quantization;
+    size_t sweep_count; /* quantization.sweep */
+    bw_report_sweep sweep[BW_REPORT_SWEEP];
 
     struct {
         bw_report_range block_extent; /* parameter units, over all three extents of all blocks */

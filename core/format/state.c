@@ -11,7 +11,7 @@ typedef struct {
     uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell;
     uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, torus_splits;
     int64_t exponent;
-    uint8_t mirrored, has_cells, has_complex, unused[5];
+    uint8_t mirrored, has_cells, has_complex, has_length, unused[4];
 } counts;
 
 /* One array of the state: where its pointer is kept, and its shape. */
@@ -86,6 +86,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("block.edge", s->complex.block_edge, n->block_edge);
     FIELD("cell.block", s->complex.cell_block, n->cell);
     FIELD("cell.chart", s->complex.cell_chart, n->cell);
+    if (n->has_length) FIELD("arc.integer", s->length, n->arc);
     return k;
 }
 
@@ -99,7 +100,7 @@ static counts count_state(const bw_state *s) {
     n.wall = m->wall_count, n.feature_vertex = m->feature_vertex_count;
     n.feature_edge = m->feature_edge_count, n.feature_facet = m->feature_facet_count;
     n.exponent = s->map.exponent, n.mirrored = m->mirrored;
-    n.has_cells = s->has_cells, n.has_complex = s->has_complex;
+    n.has_cells = s->has_cells, n.has_complex = s->has_complex, n.has_length = s->length != NULL;
     if (s->has_cells) {
         n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
         n.cell_polygon = c->polygon_count, n.cell = c->cell_count;
@@ -136,6 +137,8 @@ void bw_state_init(bw_state *state) {
 }
 
 void bw_state_clear(bw_context *ctx, bw_state *state) {
+    bw_free(ctx, state->length);
+    state->length = NULL;
     bw_complex_clear(ctx, &state->complex);
     bw_cells_clear(ctx, &state->cells);
     bw_grid_map_clear(ctx, &state->map);

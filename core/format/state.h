@@ -1,6 +1,6 @@
 /* The state of a job between two stages, and its file: what one worker leaves for the next.
  *
- * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too; the report
+ * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too, after quantize integer lengths if they were asked for; the report
  * always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
  * own blocks. State files are written and read by this program only and carry a checksum: once that is right, sizes and
  * offsets are checked all the same, so that reading and writing are safe whatever the file is; what the elements say is trusted.
@@ -17,6 +17,7 @@ typedef struct {
     bw_grid_map map;
     bw_cells cells; /* borrows mesh and map of the same state: a bw_state must not be moved */
     bw_complex complex;
+    int64_t *length; /* [arc] integer lengths (stage quantize); NULL: none */
     bw_report report;
     bool has_cells, has_complex;
 } bw_state;

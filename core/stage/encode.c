@@ -17,6 +17,7 @@ typedef struct {
     bw_context *ctx;
     const bw_cells *cells;
     const bw_complex *complex;
+    const int64_t *length;
     bw_report *report;
     const char *folder;
     bw_tessellation tessellation;
@@ -41,7 +42,7 @@ static bw_status write_traced(encoder *e, const char *path, uint64_t *bytes) {
 }
 
 static bw_status write_blocks(encoder *e, const char *path, uint64_t *bytes) {
-    return bw_blocks_write(e->ctx, e->cells, e->complex, e->report->complex.kind, e->block_volume,
+    return bw_blocks_write(e->ctx, e->cells, e->complex, e->report->complex.kind, e->length, e->block_volume,
                            (const double(*)[3])e->position, path, bytes);
 }
 
@@ -130,10 +131,10 @@ static bw_status prepare(encoder *e, bw_cells *cells) {
 }
 
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_cells *cells,
-                    const bw_complex *complex, bool vtk, bw_report *report, const char *out_dir) {
+                    const bw_complex *complex, const int64_t *length, bool vtk, bw_report *report, const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
-    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .report = report, .folder = out_dir};
+    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .report = report, .folder = out_dir};
     bw_status status = prepare(&e, cells);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);

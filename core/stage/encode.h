@@ -14,10 +14,10 @@
 
 /* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality
  * and results of the report; its complex.kind says which complex this is. cells was made from mesh and map;
- * all its tets are opened.
+ * all its tets are opened. length: integer lengths of the arcs, or NULL.
  * Each file appears whole or not at all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY,
  * BW_E_CHECK, BW_E_CANCELLED. */
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_cells *cells,
-                    const bw_complex *complex, bool vtk, bw_report *report, const char *out_dir);
+                    const bw_complex *complex, const int64_t *length, bool vtk, bw_report *report, const char *out_dir);
 
 #endif

@@ -37,8 +37,8 @@ static const char usage[] =
     "      --threads N                          (default 1)\n"
     "  -h, --help\n";
 
-enum { LOAD, SANITIZE, TRACE, BUILD, REDUCE, ENCODE, STAGES };
-static const char *const stage_name[STAGES] = {"load", "sanitize", "trace", "build", "reduce", "encode"};
+enum { LOAD, SANITIZE, TRACE, BUILD, REDUCE, QUANTIZE, ENCODE, STAGES };
+static const char *const stage_name[STAGES] = {"load", "sanitize", "trace", "build", "reduce", "quantize", "encode"};
 
 typedef struct {
     bw_options options;

@@ -20,6 +20,7 @@ typedef struct {
     bw_complex complex;
     bw_report report;
     const char *folder;
+    int64_t *length; /* NULL unless quantized */
 } encoded;
 
 /* The stages between the sanitized map, which e->mesh and e->map hold, and encode. */
@@ -48,7 +49,7 @@ static inline void encode_prepare(encoded *e, const char *name, int size, double
 
 static inline void encode_run(encoded *e) {
     kit_expect_ok(&e->ctx,
-                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, false, &e->report, e->folder));
+                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, e->length, false, &e->report, e->folder));
 }
 
 static inline char *encode_read(const encoded *e, const char *file, size_t *size) {
@@ -56,6 +57,7 @@ static inline char *encode_read(const encoded *e, const char *file, size_t *size
 }
 
 static inline void encode_clear(encoded *e) {
+    bw_free(&e->ctx, e->length);
     bw_complex_clear(&e->ctx, &e->complex);
     bw_cells_clear(&e->ctx, &e->cells);
     bw_grid_map_clear(&e->ctx, &e->map);

@@ -92,7 +92,7 @@ static void a_folder_that_cannot_be_made_is_an_io_error(void **state) {
     encoded e;
     encode_prepare(&e, "cuboid", 1, 0.5, BW_COMPLEX_MC);
     e.folder = kit_temp_path("missing/folder");
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
                       BW_E_IO);
     assert_int_equal(e.report.result_count, 0);
     encode_clear(&e);
@@ -105,7 +105,7 @@ static void a_result_that_cannot_be_put_in_place_leaves_no_draft(void **state) {
     e.folder = kit_temp_path("blocked");
     assert_int_equal(mkdir(e.folder, 0777), 0);
     assert_int_equal(mkdir(kit_temp_path("blocked/blocks.json"), 0777), 0); /* a folder in the file's place */
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
                       BW_E_IO);
     assert_true(kit_exists(kit_temp_path("blocked/traced.hexex")));
     assert_false(kit_exists(kit_temp_path("blocked/blocks.json.part")));
@@ -126,7 +126,7 @@ static void a_cancelled_job_stops_after_the_file_it_is_at(void **state) {
     stop_now = 0;
     e.ctx.cancel = &stop_now;
     e.ctx.log = stop;
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
                       BW_E_CANCELLED);
     assert_int_equal(e.report.result_count, 1);
     assert_false(kit_exists(kit_temp_path("cancelled/view.drc")));
@@ -136,7 +136,7 @@ static void a_cancelled_job_stops_after_the_file_it_is_at(void **state) {
 static bw_status encode_again(bw_context *ctx, void *user) {
     encoded *e = user;
     bw_report report = e->report;
-    return bw_encode(ctx, &e->mesh, &e->map, &e->cells, &e->complex, true, &report, e->folder);
+    return bw_encode(ctx, &e->mesh, &e->map, &e->cells, &e->complex, NULL, true, &report, e->folder);
 }
 
 static void every_refused_allocation_is_an_error_without_a_leak(void **state) {

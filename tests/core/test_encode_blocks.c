@@ -176,7 +176,7 @@ static void lengths_beyond_doubles_are_written_as_text(void **state) {
     double(*position)[3] = calloc(e.cells.vertex_count, sizeof *position), volume[1] = {1};
     uint64_t bytes;
     const char *path = kit_temp_path("long.json");
-    kit_expect_ok(&e.ctx, bw_blocks_write(&e.ctx, &e.cells, &e.complex, "mc", volume,
+    kit_expect_ok(&e.ctx, bw_blocks_write(&e.ctx, &e.cells, &e.complex, "mc", NULL, volume,
                                           (const double(*)[3])position, path, &bytes));
     size_t size;
     char *text = kit_read_file(path, &size);

@@ -1,6 +1,7 @@
 /* report.json and blocks.json keep to api/schemas. The validator below knows the words of JSON Schema that
  * the schemas use and fails on any other, so that no rule is passed over in silence. */
 #include "core/encode_kit.h"
+#include "stage/quantize.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -154,6 +155,8 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++) {
         encoded e;
         encode_prepare(&e, samples[i].name, 1, 0.5, samples[i].kind);
+        bw_quantize_options size = {.range = BW_QUANTIZE_POSITIVE, .scale = 1, .seconds = 10, .scale_count = 2, .scales = {0, 2}};
+        if (i) kit_expect_ok(&e.ctx, bw_quantize(&e.ctx, &e.cells, &e.complex, &size, &e.length, &e.report));
         encode_run(&e);
         e.report.has_sanitize = true;
         e.report.sanitize.grid_exponent = e.map.exponent;

@@ -64,6 +64,7 @@ static void one_process_stages_and_threads_agree(void **state) {
         bw_options options;
         bw_options_defaults(&options);
         options.complex = m == 2 ? BW_COMPLEX_BC : BW_COMPLEX_MC;
+        options.quantize = BW_QUANTIZE_POSITIVE, options.scale = m, options.scale_count = 1, options.scales[0] = 3;
         run(input, kit_temp_path("once"), &options, 1);
         run(input, kit_temp_path("again"), &options, 1);
         run(input, kit_temp_path("threads"), &options, 2);
@@ -210,6 +211,13 @@ static void options_are_read_strictly(void **state) {
                  {"{\"tolerance\": \"1\"}", BW_E_USAGE},
                  {"{\"max_cells\": 0}", BW_E_USAGE},
                  {"{\"max_cells\": 1.5}", BW_E_USAGE},
+                 {"{\"quantize\": \"positive\", \"scale\": 0, \"target_hexes\": 7, \"time_limit\": 0.5, \"scales\": [0, 0.5, 2]}", BW_OK},
+                 {"{\"quantize\": \"yes\"}", BW_E_USAGE},
+                 {"{\"scale\": -1}", BW_E_USAGE},
+                 {"{\"target_hexes\": 1.5}", BW_E_USAGE},
+                 {"{\"scales\": 1}", BW_E_USAGE},
+                 {"{\"scales\": [1, -1]}", BW_E_USAGE},
+                 {"{\"time_limit\": \"long\"}", BW_E_USAGE},
                  {"{\"colour\": 1}", BW_E_USAGE},
                  {"{\"complex\": \"mc\", \"complex\": \"bc\"}", BW_E_USAGE},
                  {"[]", BW_E_USAGE},

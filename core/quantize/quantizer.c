@@ -1,0 +1,155 @@
+#include "quantize/quantizer.h"
+
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+enum { BISECTIONS = 40 };
+
+static double seconds_now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t grid_exponent, bw_quantize_range range,
+                            const bw_quant_oracle *oracle, bw_quantizer *q) {
+    *q = (bw_quantizer){.oracle = *oracle};
+    bw_status status = bw_quant_model_init(ctx, complex, grid_exponent, &q->model);
+    if (status == BW_OK) status = bw_quant_moves_init(ctx, &q->model, &q->moves);
+    if (status == BW_OK) status = bw_quant_problem_init(ctx, &q->model, range, &q->problem);
+    if (status == BW_OK && !(q->value = bw_alloc(ctx, q->model.class_count, sizeof *q->value))) status = ctx->error.status;
+    if (status == BW_OK && !(q->best = bw_alloc(ctx, q->model.class_count, sizeof *q->best))) status = ctx->error.status;
+    if (status != BW_OK) bw_quantizer_close(ctx, q);
+    return status;
+}
+
+void bw_quantizer_close(bw_context *ctx, bw_quantizer *q) {
+    bw_free(ctx, q->value);
+    bw_free(ctx, q->best);
+    bw_quant_moves_clear(ctx, &q->moves);
+    bw_quant_problem_clear(ctx, &q->problem);
+    bw_quant_model_clear(ctx, &q->model);
+    *q = (bw_quantizer){0};
+}
+
+bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, double seconds, bw_quant_result *result) {
+    bw_quant_problem_set_scale(&q->problem, scale);
+    return bw_quant_solve(ctx, &q->problem, &q->moves, &q->oracle, seconds, NULL, q->value, result);
+}
+
+/* ---- a number of hexes ---- */
+
+typedef struct {
+    bw_context *ctx;
+    bw_quantizer *q;
+    double target, deadline;
+    double scale, nearest; /* of q->best */
+    bw_quant_result result;
+} aim;
+
+static double volume_of_input(const bw_quantizer *q) {
+    double sum = 0;
+    for (size_t b = 0; b < q->model.block_count; b++) {
+        double volume = 1;
+        for (int axis = 0; axis < 3; axis++) volume *= (double)bw_quant_model_extent(&q->model, b, axis, q->model.class_length) / q->model.unit;
+        sum += volume;
+    }
+    return sum;
+}
+
+static bw_status try_scale(aim *a, double scale, double *hexes) {
+    bw_quant_result result;
+    double left = fmax(a->deadline - seconds_now(), 0);
+    if (bw_quantizer_solve(a->ctx, a->q, scale, left, &result)) return a->ctx->error.status;
+    *hexes = (double)bw_quant_model_hexes(&a->q->model, a->q->value);
+    if (fabs(*hexes - a->target) < fabs(a->nearest - a->target)) {
+        a->nearest = *hexes, a->scale = scale, a->result = result;
+        memcpy(a->q->best, a->q->value, a->q->model.class_count * sizeof *a->q->best);
+    }
+    return BW_OK;
+}
+
+static bool is_near(const aim *a) { return fabs(a->nearest - a->target) <= 0.01 * a->target; }
+
+/* low has too few hexes, high enough. */
+static bw_status bisect(aim *a, double low, double high) {
+    double hexes;
+    for (int i = 0; i < BISECTIONS && !is_near(a) && seconds_now() < a->deadline && high - low > 1e-9 * high; i++) {
+        double middle = low > 0 ? sqrt(low * high) : high / 2;
+        if (try_scale(a, middle, &hexes)) return a->ctx->error.status;
+        if (hexes < a->target) low = middle;
+        else high = middle;
+    }
+    return BW_OK;
+}
+
+static bw_status find_scale(aim *a) {
+    double hexes, guess = cbrt(a->target / volume_of_input(a->q)), low = 0;
+    if (try_scale(a, 0, &hexes)) return a->ctx->error.status;
+    if (hexes >= a->target) return BW_OK; /* even the coarsest has as many */
+    for (double high = guess; !is_near(a) && seconds_now() < a->deadline; high *= 1.5) {
+        if (try_scale(a, high, &hexes)) return a->ctx->error.status;
+        if (hexes >= a->target) return bisect(a, low, high);
+        low = high;
+    }
+    return BW_OK;
+}
+
+/* From the nearest values found, moves that come nearer, cheapest in the objective first among those that help. */
+static bw_status step_nearer(aim *a, bool *stepped) {
+    const bw_quantizer *q = a->q;
+    const bw_quant_moves *m = &q->moves;
+    size_t n = q->model.class_count, best_move = 0;
+    double best_miss = fabs(a->nearest - a->target);
+    int best_sign = 0;
+    *stepped = false;
+    for (size_t k = 0; k < m->count; k++)
+        for (int sign = -1; sign <= 1; sign += 2) {
+            memcpy(q->value, q->best, n * sizeof *q->value);
+            for (size_t i = m->begin[k]; i < m->begin[k + 1]; i++) q->value[m->term[i].index] += sign * m->term[i].factor;
+            double miss = fabs((double)bw_quant_model_hexes(&q->model, q->value) - a->target);
+            if (miss < best_miss && bw_quant_problem_allows(&q->problem, q->value)) best_miss = miss, best_move = k, best_sign = sign;
+        }
+    if (!best_sign) return BW_OK;
+    bool valid;
+    memcpy(q->value, q->best, n * sizeof *q->value);
+    for (size_t i = m->begin[best_move]; i < m->begin[best_move + 1]; i++) q->value[m->term[i].index] += best_sign * m->term[i].factor;
+    if (bw_quant_problem_separate(a->ctx, &a->q->problem, &a->q->oracle, q->value, &valid)) return a->ctx->error.status;
+    *stepped = true; /* where it was invalid, what was learnt excludes it next time */
+    if (!valid) return BW_OK;
+    memcpy(q->best, q->value, n * sizeof *q->best);
+    a->nearest = (double)bw_quant_model_hexes(&q->model, q->best);
+    bw_quant_problem_set_scale(&a->q->problem, a->scale);
+    a->result.objective = bw_quant_problem_objective(&q->problem, q->best);
+    a->result.status = BW_QUANT_GAP;
+    return BW_OK;
+}
+
+bw_status bw_quantizer_aim(bw_context *ctx, bw_quantizer *q, uint64_t hexes, double seconds, double *scale, bw_quant_result *result) {
+    double since = seconds_now();
+    aim a = {.ctx = ctx, .q = q, .target = (double)hexes, .deadline = since + seconds, .nearest = INFINITY};
+    bw_status status = find_scale(&a);
+    bool stepped = true;
+    while (status == BW_OK && stepped && fabs(a.nearest - a.target) > 0.05 * a.target && seconds_now() < a.deadline)
+        status = step_nearer(&a, &stepped);
+    if (status != BW_OK) return status;
+    memcpy(q->value, q->best, q->model.class_count * sizeof *q->value);
+    bw_quant_problem_set_scale(&q->problem, a.scale);
+    *scale = a.scale, *result = a.result;
+    result->seconds = seconds_now() - since;
+    return BW_OK;
+}
+
+bw_quant_figures bw_quantizer_figures(const bw_quantizer *q) {
+    bw_quant_figures f = {.hexes = (uint64_t)bw_quant_model_hexes(&q->model, q->value)};
+    double size = 0;
+    for (size_t c = 0; c < q->model.class_count; c++) {
+        uint64_t arcs = (uint64_t)q->model.class_weight[c];
+        f.zero_arcs += q->value[c] == 0 ? arcs : 0;
+        f.negative_arcs += q->value[c] < 0 ? arcs : 0;
+        size += (double)arcs * q->problem.target[c] * q->problem.target[c];
+    }
+    f.distortion = size > 0 ? sqrt(bw_quant_problem_objective(&q->problem, q->value) / size) : 0;
+    return f;
+}

@@ -1,0 +1,88 @@
+#include "stage/quantize.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "quantize/quantizer.h"
+
+static const char *const range_names[] = {"none", "positive", "nonnegative", "any"};
+
+static double seconds_now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* ---- report ---- */
+
+static void report_result(const bw_quantizer *q, double scale, const bw_quant_result *r, bw_report_quantization *out) {
+    bw_quant_figures f = bw_quantizer_figures(q);
+    snprintf(out->status, sizeof out->status, "%s", bw_quant_status_name(r->status));
+    out->scale = scale;
+    out->objective = r->objective, out->bound = r->bound, out->gap = bw_quant_gap(r);
+    out->heuristic = r->heuristic;
+    out->rounds = r->rounds, out->constraints = r->rows, out->nodes = r->nodes;
+    out->hexes = f.hexes, out->zero_arcs = f.zero_arcs, out->negative_arcs = f.negative_arcs;
+    out->distortion = f.distortion;
+    out->seconds_solver = r->seconds - r->seconds_separation, out->seconds_separation = r->seconds_separation;
+    out->seconds = r->seconds;
+}
+
+static void report_row(const bw_report_quantization *from, bw_report_sweep *row) {
+    *row = (bw_report_sweep){.scale = from->scale, .objective = from->objective, .bound = from->bound, .distortion = from->distortion,
+                             .hexes = from->hexes, .zero_arcs = from->zero_arcs, .negative_arcs = from->negative_arcs, .seconds = from->seconds};
+    memcpy(row->status, from->status, sizeof row->status);
+}
+
+/* ---- the stage ---- */
+
+static bw_status sweep(bw_context *ctx, bw_quantizer *q, const bw_quantize_options *options, bw_report *report) {
+    report->sweep_count = 0;
+    for (size_t i = 0; i < options->scale_count; i++) {
+        bw_quant_result result;
+        bw_report_quantization found;
+        if (bw_quantizer_solve(ctx, q, options->scales[i], options->seconds, &result)) return ctx->error.status;
+        report_result(q, options->scales[i], &result, &found);
+        report_row(&found, &report->sweep[report->sweep_count++]);
+        bw_progress(ctx, (double)(i + 1) / (double)(options->scale_count + 1));
+    }
+    return BW_OK;
+}
+
+static bw_status find_lengths(bw_context *ctx, bw_quantizer *q, const bw_quantize_options *options, bw_report *report) {
+    bw_report_quantization *out = &report->quantization;
+    bw_quant_result result;
+    double scale = options->scale;
+    bw_status status = options->target_hexes ? bw_quantizer_aim(ctx, q, options->target_hexes, options->seconds, &scale, &result)
+                                             : bw_quantizer_solve(ctx, q, scale, options->seconds, &result);
+    if (status != BW_OK) return status;
+    report_result(q, scale, &result, out);
+    out->target_hexes = options->target_hexes;
+    double miss = (double)out->hexes - (double)options->target_hexes;
+    out->target_met = options->target_hexes && 20 * (miss < 0 ? -miss : miss) <= (double)options->target_hexes;
+    return BW_OK;
+}
+
+bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_quantize_options *options,
+                      int64_t **length, bw_report *report) {
+    double since = seconds_now();
+    bw_quantizer q;
+    bw_quant_oracle oracle = {0};
+    bw_status status = bw_quantizer_open(ctx, complex, cells->map->exponent, options->range, &oracle, &q);
+    *length = NULL;
+    if (status != BW_OK) return status;
+    report->quantization = (bw_report_quantization){.arcs = q.model.arc_count, .classes = q.model.class_count, .free_integers = q.model.free_count};
+    double setup = seconds_now() - since;
+    status = sweep(ctx, &q, options, report);
+    if (status == BW_OK) status = find_lengths(ctx, &q, options, report);
+    if (status == BW_OK && !(*length = bw_alloc(ctx, complex->arc_count, sizeof **length))) status = ctx->error.status;
+    if (status == BW_OK) {
+        bw_quant_model_lengths(&q.model, q.value, *length);
+        snprintf(report->quantization.range, sizeof report->quantization.range, "%s", range_names[options->range]);
+        report->quantization.seconds_setup = setup;
+        report->has_quantization = true;
+    }
+    bw_quantizer_close(ctx, &q);
+    return status;
+}

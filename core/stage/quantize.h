@@ -1,0 +1,26 @@
+/* Stage quantize: integer lengths of all arcs, valid, with a proof of how good they are (Q 3 to 5). */
+#ifndef BW_STAGE_QUANTIZE_H
+#define BW_STAGE_QUANTIZE_H
+
+#include "base/kinds.h"
+#include "complex/complex.h"
+#include "format/report_json.h"
+
+enum { BW_SCALES_MAX = BW_REPORT_SWEEP };
+
+typedef struct {
+    bw_quantize_range range; /* not BW_QUANTIZE_NONE */
+    double scale;            /* arcs are to be as long as scale times their input length; 0: the coarsest there is */
+    uint64_t target_hexes;   /* not 0: take the scale that comes nearest to this number of hexes instead */
+    double seconds;          /* limit of the search for each size */
+    size_t scale_count;      /* sizes for the table of the report */
+    double scales[BW_SCALES_MAX];
+} bw_quantize_options;
+
+/* Finds the quantization: (*length)[arc], owned by the caller (bw_free), and fills report->quantization. The same input gives the same lengths, unless
+ * the time limit cuts the search (status gap or heuristic). Errors: BW_E_RANGE, BW_E_ALGORITHM, BW_E_CHECK if the result fails its
+ * own check, BW_E_MEMORY, BW_E_CANCELLED. */
+bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_quantize_options *options,
+                      int64_t **length, bw_report *report);
+
+#endif
