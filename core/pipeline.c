@@ -17,6 +17,11 @@
 #include "stage/sanitize.h"
 #include "stage/trace.h"
 
+/* The words of the options, by enumerator. */
+static const char *const complex_names[] = {"mc", "bc", "serial"};
+static const char *const reduce_names[] = {"none", "keep-singular", "full"};
+static const char *const self_adjacent_names[] = {"allow", "split"};
+
 /* ---- the stages ---------------------------------------------------------------------------------------------------- */
 
 typedef bw_status stage_run(bw_context *ctx, const bw_options *options, bw_state *state, const char *out);
@@ -63,8 +68,6 @@ static bw_status run_trace(bw_context *ctx, const bw_options *options, bw_state 
     return status;
 }
 
-static const char *complex_name(bw_complex_kind kind) { return kind == BW_COMPLEX_BC ? "bc" : "mc"; }
-
 static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT};
@@ -72,12 +75,9 @@ static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state 
     if (status != BW_OK) return status;
     state->has_complex = true;
     bw_report_fill_trace(&state->report, &state->cells); /* torus splitting may have cut more cells */
-    bw_report_fill_complex(&state->report, &state->complex, complex_name(options->complex));
+    bw_report_fill_complex(&state->report, &state->complex, complex_names[options->complex]);
     return BW_OK;
 }
-
-static const char *const reduce_names[] = {"none", "keep-singular", "full"};
-static const char *const self_adjacent_names[] = {"allow", "split"};
 
 /* Another complex of the same map, reduced: cells and blocks side by side with the state's own. */
 typedef struct {
@@ -126,15 +126,16 @@ static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state
     (void)out;
     bw_reduce_options how = {options->reduce, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, options->effort};
     bw_reduce_report found;
-    bool from_base = options->complex == BW_COMPLEX_BC;
+    bool from_base = false;
     bw_status status = bw_reduce(ctx, &state->cells, &state->complex, &how, &found);
     if (status != BW_OK || options->reduce == BW_REDUCE_NONE) return status;
-    if (options->effort >= 2 && !from_base) status = take_if_better(ctx, options, state, &how, &found, &from_base);
+    if (options->effort >= 2 && options->complex == BW_COMPLEX_MC)
+        status = take_if_better(ctx, options, state, &how, &found, &from_base);
     if (status != BW_OK) return status;
     bw_report_fill_trace(&state->report, &state->cells);
     bw_report_fill_reduced(&state->report, &state->complex, reduce_names[options->reduce]);
     snprintf(state->report.complex.reduced.from, sizeof state->report.complex.reduced.from, "%s",
-             complex_name(from_base ? BW_COMPLEX_BC : BW_COMPLEX_MC));
+             complex_names[from_base ? BW_COMPLEX_BC : options->complex]);
     state->report.complex.reduced.effort = (uint64_t)options->effort;
     state->report.complex.reduced.orders_tried = found.runs;
     state->report.complex.reduced.blocks_farthest_first = found.blocks_farthest_first;
@@ -240,11 +241,11 @@ static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, 
 }
 
 static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
-    static const char *const complex_names[] = {"mc", "bc"};
     const char *word = json_string_value(value);
     int i;
     if (!strcmp(name, "complex")) {
-        if ((i = choice(value, complex_names, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\" or \"bc\"");
+        if ((i = choice(value, complex_names, 3)) < 0)
+            return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\", \"bc\" or \"serial\"");
         o->complex = (bw_complex_kind)i;
     } else if (!strcmp(name, "reduce")) {
         if ((i = choice(value, reduce_names, 3)) < 0)

@@ -25,8 +25,8 @@ typedef struct {
 /* Rows of an option table; `settings` has a member cli_job_options job. */
 /* clang-format off */
 #define CLI_JOB_OPTIONS(settings)                                                                            \
-    {"complex", 0, CLI_CHOICE, offsetof(settings, job.complex), "mc|bc",                                     \
-     "mc: motorcycle complex (default); bc: base complex", 0, 0},                                            \
+    {"complex", 0, CLI_CHOICE, offsetof(settings, job.complex), "mc|bc|serial",                                    \
+     "mc: motorcycle complex (default); bc: base complex; serial: mc with walls burnt one by one", 0, 0},     \
     {"reduce", 0, CLI_CHOICE, offsetof(settings, job.reduce), "none|keep-singular|full",                     \
      "walls taken away: none, all but those at singular arcs (default), or any", 0, 0},                      \
     {"effort", 0, CLI_CHOICE, offsetof(settings, job.effort), "0|1|2|3",                                     \

@@ -148,6 +148,7 @@ const cli_command cli_command_run = {
              "cancels.",
     .examples = "  blockwright run part.hexex --out result\n"
                 "  blockwright run part.hexex --out result --complex bc     the base complex instead\n"
+                "  blockwright run part.hexex --out result --complex serial     fewer blocks before reduction\n"
                 "  blockwright run part.hexex --out result --reduce full    as few blocks as can be\n"
                 "  blockwright run part.vtu --out result --vtk              VTK in, and out for ParaView\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"

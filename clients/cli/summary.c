@@ -27,7 +27,7 @@ static void reduction(const json_t *reduced, const char *kind) {
     const json_t *first = json_object_get(reduced, "blocks_farthest_first");
     char text[32];
     if (!mode) return;
-    printf("%-13s %s", "reduction", cli_safe(text, sizeof text, mode));
+    printf("%-15s %s", "reduction", cli_safe(text, sizeof text, mode));
     if (from && kind && strcmp(from, kind)) printf(", from the base complex");
     printf(", effort %" JSON_INTEGER_FORMAT, json_integer_value(json_object_get(reduced, "effort")));
     if (json_is_integer(first))
@@ -46,7 +46,7 @@ static void complexes(const json_t *all) {
         if (!json_is_object(one)) continue;
         char label[64], text[64];
         snprintf(label, sizeof label, "%s, %s", kind ? kind : "complex", name);
-        printf("%-13s ", cli_safe(text, sizeof text, label));
+        printf("%-15s ", cli_safe(text, sizeof text, label));
         count_line(one, keys, words, sizeof keys / sizeof *keys);
     }
     reduction(json_object_get(all, "reduced"), kind);
@@ -54,7 +54,7 @@ static void complexes(const json_t *all) {
 
 static void range_line(const char *label, const json_t *range, const char *what) {
     if (!json_is_object(range)) return;
-    printf("%-13s %.4g to %.4g, median %.4g (%s)\n", label, json_number_value(json_object_get(range, "min")),
+    printf("%-15s %.4g to %.4g, median %.4g (%s)\n", label, json_number_value(json_object_get(range, "min")),
            json_number_value(json_object_get(range, "max")),
            json_number_value(json_object_get(range, "median")), what);
 }
@@ -63,7 +63,7 @@ static double number(const json_t *object, const char *key) { return json_number
 
 static void size_line(const char *label, const json_t *row) {
     const char *status = json_string_value(json_object_get(row, "status"));
-    printf("%-13s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"), number(row, "objective"),
+    printf("%-15s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"), number(row, "objective"),
            number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"), number(row, "distortion"), status ? status : "?");
 }
 
@@ -71,11 +71,11 @@ static void size_line(const char *label, const json_t *row) {
 static void quantization(const json_t *q) {
     const char *range = json_string_value(json_object_get(q, "range"));
     if (!range) return;
-    printf("%-13s %s lengths, %.0f free integers, %.3f s", "quantization", range, number(q, "free_integers"), number(q, "seconds"));
+    printf("%-15s %s lengths, %.0f free integers, %.3f s", "quantization", range, number(q, "free_integers"), number(q, "seconds"));
     if (number(q, "gap") > 0) printf(", may be better by %.2g %%", 100 * number(q, "gap"));
     if (number(q, "target_hexes") > 0)
         printf(", %s %.0f hexes", json_is_true(json_object_get(q, "target_met")) ? "near" : "as near as found to", number(q, "target_hexes"));
-    printf("\n%-13s %8s %10s %12s %12s %7s %9s %11s  %s\n", "", "scale", "hexes", "objective", "bound", "zeros", "negatives", "distortion", "status");
+    printf("\n%-15s %8s %10s %12s %12s %7s %9s %11s  %s\n", "", "scale", "hexes", "objective", "bound", "zeros", "negatives", "distortion", "status");
     size_t index;
     json_t *row;
     json_array_foreach(json_object_get(q, "sweep"), index, row) size_line("sweep", row);
@@ -85,13 +85,13 @@ static void quantization(const json_t *q) {
 static void stages(const json_t *list) {
     size_t index;
     json_t *stage;
-    if (json_array_size(list)) printf("\n%-13s %10s %12s\n", "stage", "seconds", "peak memory");
+    if (json_array_size(list)) printf("\n%-15s %10s %12s\n", "stage", "seconds", "peak memory");
     json_array_foreach(list, index, stage) {
         const char *name = json_string_value(json_object_get(stage, "name"));
         const json_t *peak = json_object_get(stage, "peak_bytes");
         char size[24] = "", text[32];
         if (json_is_integer(peak)) cli_bytes(size, (uint64_t)json_integer_value(peak));
-        printf("%-13s %10.3f %12s\n", cli_safe(text, sizeof text, name ? name : "?"),
+        printf("%-15s %10.3f %12s\n", cli_safe(text, sizeof text, name ? name : "?"),
                json_number_value(json_object_get(stage, "seconds")), size);
     }
 }
@@ -102,11 +102,11 @@ void cli_summary_print(const json_t *report) {
     const json_t *input = json_object_get(report, "input");
     const json_t *displacement = json_object_get(json_object_get(report, "sanitize"), "displacement_max");
     if (json_is_object(input)) {
-        printf("%-13s ", "input");
+        printf("%-15s ", "input");
         count_line(input, keys, words, sizeof keys / sizeof *keys);
     }
     if (json_is_number(displacement))
-        printf("%-13s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
+        printf("%-15s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
     complexes(json_object_get(report, "complex"));
     quantization(json_object_get(report, "quantization"));
     const json_t *quality = json_object_get(report, "quality");

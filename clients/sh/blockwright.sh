@@ -10,8 +10,8 @@ usage() {
     cat <<'END'
 Usage: blockwright.sh COMMAND ...
 
-  submit FILE [--parameters FILE] [--complex mc|bc] [--reduce none|keep-singular|full] [--until STAGE] [--name TEXT]
-         [--wait] [--out DIR]
+  submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
+         [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
   watch ID           wait until job ID has ended

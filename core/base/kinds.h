@@ -3,8 +3,9 @@
 #define BW_BASE_KINDS_H
 
 typedef enum {
-    BW_COMPLEX_MC, /* motorcycle complex (MC 4) */
-    BW_COMPLEX_BC  /* base complex: walls do not stop at walls (MC 2) */
+    BW_COMPLEX_MC,    /* motorcycle complex (MC 4) */
+    BW_COMPLEX_BC,    /* base complex: walls do not stop at walls (MC 2) */
+    BW_COMPLEX_SERIAL /* motorcycle complex whose walls burn one after another, those left out that can be (MC 4.2, last remark) */
 } bw_complex_kind;
 
 typedef enum {

@@ -19,14 +19,6 @@ static void count_walls(bw_build *b) {
     }
 }
 
-/* A wall passes flat through a regular edge that carries two wall polygons: that these are coplanar is for the check of the blocks'
- * charts to verify. Every other edge with walls is part of an arc, and so are features and the edges that
- * reduction marked. */
-static bool is_arc_edge(const bw_cells *c, bw_cedge e, int walls) {
-    return walls > 2 || (walls > 0 && (walls == 1 || c->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(c, e) ||
-                                       bw_cells_edge_is_feature(c, e)));
-}
-
 /* What all edges of one arc have in common: quarter turns around it, its flags, and its number of walls. */
 typedef struct {
     uint16_t quarters;
@@ -34,19 +26,9 @@ typedef struct {
     int walls;
 } arc_kind;
 
-static int walls_around(const bw_cells *c, bw_cedge e) {
-    int walls = 0;
-    bw_half head = c->edge[e].half, h = head;
-    do {
-        walls += (c->polygon[c->half[h].polygon].flags & BW_WALL) != 0;
-        h = c->half[h].radial;
-    } while (h != head);
-    return walls;
-}
-
 static arc_kind kind_of(const bw_cells *c, bw_cedge e) {
     bool boundary = bw_cells_edge_is_boundary(c, e), singular = bw_cells_edge_is_singular(c, e);
-    arc_kind k = {.quarters = boundary ? 2 : 4, .walls = walls_around(c, e)};
+    arc_kind k = {.quarters = boundary ? 2 : 4, .walls = bw_cells_walls_at(c, e)};
     if (singular) k.quarters = c->map->quarters[c->edge[e].carrier];
     k.flags = (uint8_t)((boundary ? BW_ARC_BOUNDARY : 0) | (singular ? BW_ARC_SINGULAR : 0) |
                         (bw_cells_edge_is_feature(c, e) ? BW_ARC_FEATURE : 0));
@@ -65,7 +47,7 @@ static bw_status list_fans(bw_build *b, fans *out) {
     if (!out->begin) return b->ctx->error.status;
     count_walls(b);
     for (size_t e = 0; e < c->edge_count; e++) {
-        b->edge_arc[e] = is_arc_edge(c, (bw_cedge)e, b->edge_arc[e]) ? NOT_SET : BW_NONE;
+        b->edge_arc[e] = bw_cells_edge_is_arc(c, (bw_cedge)e, b->edge_arc[e]) ? NOT_SET : BW_NONE;
         if (b->edge_arc[e] == BW_NONE) continue;
         for (int i = 0; i < 2; i++) out->begin[c->edge[e].vertex[i] + 2]++;
     }

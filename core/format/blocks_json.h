@@ -23,7 +23,7 @@ bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *complex, bw_patch
 /* From the chart of patch_block[patch][0] to that of patch_block[patch][1]; not for a boundary patch. */
 bw_transition bw_patch_transition(const bw_cells *cells, const bw_complex *complex, bw_patch patch);
 
-/* kind: "mc" or "bc". length: integer lengths of the arcs, or NULL. volume: of every block in the input's space; position: of every vertex of the cell
+/* kind: "mc", "bc" or "serial". length: integer lengths of the arcs, or NULL. volume: of every block in the input's space; position: of every vertex of the cell
  * complex. bytes: size of the file. BW_E_IO. */
 bw_status bw_blocks_write(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const char *kind,
                           const int64_t *length, const double *volume, const double (*position)[3], const char *path,

@@ -90,14 +90,14 @@ typedef struct {
     } trace;
 
     struct {
-        char kind[8]; /* "mc" or "bc" */
+        char kind[8]; /* "mc", "bc" or "serial" */
         struct {      /* as traced, before any reduction */
             uint64_t nodes, arcs, patches, blocks, t_arcs, torus_splits;
             uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
         } raw;
         struct { /* after wall retraction */
             char mode[16]; /* "keep-singular" or "full" */
-            char from[8];  /* the complex that was reduced: "mc" or "bc" */
+            char from[8];  /* the complex that was reduced: "mc", "bc" or "serial" */
             uint64_t nodes, arcs, patches, blocks, t_arcs;
             uint64_t singular_nodes, singular_arcs, boundary_patches, self_adjacent_patches;
             uint64_t effort, orders_tried, patches_removed;

@@ -62,7 +62,7 @@ typedef struct {
     bw_half radial; /* next half-edge of the same edge */
 } bw_cell_half;
 
-enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds rectangles (MC 5.4) */ };
+enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds rectangles (mesh/rectangles.h, MC 5.4) */ };
 enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */, BW_FEATURE = 8 };
 
 typedef struct {
@@ -163,6 +163,22 @@ static inline bool bw_cells_edge_is_singular(const bw_cells *cells, bw_cedge e) 
 }
 static inline bool bw_cells_edge_is_feature(const bw_cells *cells, bw_cedge e) {
     return cells->edge[e].kind == BW_IN_EDGE && (cells->map->edge_flags[cells->edge[e].carrier] & BW_EDGE_FEATURE);
+}
+/* Number of wall polygons at a leaf. */
+static inline int bw_cells_walls_at(const bw_cells *cells, bw_cedge e) {
+    int walls = 0;
+    bw_half head = cells->edge[e].half, h = head;
+    do {
+        walls += (cells->polygon[cells->half[h].polygon].flags & BW_WALL) != 0;
+        h = cells->half[h].radial;
+    } while (h != head);
+    return walls;
+}
+/* Whether an edge with so many wall polygons is part of an arc (MC 4.1). Two pass flat through a regular edge: that they are coplanar is for the
+ * check of the blocks' charts to verify. Singular edges and features are parts of arcs, and what is BW_KEPT. */
+static inline bool bw_cells_edge_is_arc(const bw_cells *cells, bw_cedge e, int walls) {
+    return walls > 2 || (walls > 0 && (walls == 1 || cells->edge[e].flags & BW_KEPT || bw_cells_edge_is_singular(cells, e) ||
+                                       bw_cells_edge_is_feature(cells, e)));
 }
 bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e);
 /* The plane of a polygon in the chart of `tet`, one of the tets it lies in; axis -1 if it is in no iso-plane. */

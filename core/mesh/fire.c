@@ -119,12 +119,18 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
     return BW_OK;
 }
 
-static bw_status limited_cut(bw_fire *f, bw_cell cell, bw_plane plane, bw_polygon *section) {
+bw_status bw_fire_cut(bw_fire *f, bw_cell cell, bw_plane plane, bw_polygon *section) {
     bw_status status = bw_cells_cut(f->ctx, f->cells, cell, plane, section);
     if (status == BW_OK && f->cells->cell_count - f->cells->mesh->tet_count > f->rules.max_cells)
         status = bw_fail(f->ctx, BW_E_LIMIT, "the walls' cuts add more than %llu cells to the mesh; raise --max-cells if the "
                          "parametrization's iso-surfaces really are that long", (unsigned long long)f->rules.max_cells);
     return status;
+}
+
+/* Makes the polygon of a continuation that is none yet. */
+static bw_status make_polygon(bw_fire *f, bw_continuation *at) {
+    if (at->facet != BW_NONE) return bw_cells_polygon_of(f->ctx, f->cells, at->facet, &at->polygon);
+    return at->polygon == BW_NONE ? bw_fire_cut(f, at->cell, at->plane, &at->polygon) : BW_OK;
 }
 
 /* ---- ignition ------------------------------------------------------------------------------------------------------ */
@@ -153,29 +159,36 @@ static bw_polygon polygon_at(const bw_cells *c, bw_cedge e, bw_cell cell) {
     return bw_walk_other(c, e, cell, BW_NONE);
 }
 
-/* Ignition in one cell at an edge that runs along axis `along` of its chart: burns what the cell has, or gets by a
- * cut, of the plane of constant `axis` through the edge. */
-static bw_status ignite_in_cell(bw_fire *f, bw_cedge e, bw_cell cell, int axis, int along) {
+/* The plane of constant `axis` through an axis-parallel edge, in the chart of `tet`. */
+static bw_plane plane_through(const bw_cells *c, bw_cedge e, bw_tet tet, int axis) {
+    bool fraction;
+    return (bw_plane){bw_cells_floor(c, c->edge[e].vertex[0], tet, axis, &fraction), (int8_t)axis};
+}
+
+/* Burns an aligned polygon of `cell` at the edge that lit it; its fire heads away from there. */
+static bw_status burn_from(bw_fire *f, bw_polygon p, bw_cedge e, bw_cell cell) {
+    const bw_cells *c = f->cells;
+    bw_tet tet = bw_cells_tet(c, cell);
+    int third = 3 - bw_cells_polygon_plane(c, p, tet).axis - bw_cells_edge_axis(c, e, tet);
+    bool backwards = bw_walk_side(c, p, e, tet, plane_through(c, e, tet, third)) < 0;
+    return burn(f, p, e, cell, 0, (uint8_t)(2 * third + backwards));
+}
+
+/* Ignition in one cell at an edge: burns what the cell has, or gets by a cut, of the plane of constant `axis` through the edge. */
+static bw_status ignite_in_cell(bw_fire *f, bw_cedge e, bw_cell cell, int axis) {
     bw_cells *c = f->cells;
     bw_tet tet = bw_cells_tet(c, cell);
-    int third = 3 - axis - along;
-    bool fraction;
-    bw_plane plane[2]; /* through the edge: the wall's, and the one that tells on which side of the edge it is */
-    for (int i = 0; i < 2; i++) {
-        plane[i].axis = (int8_t)(i ? third : axis);
-        plane[i].value = bw_cells_floor(c, c->edge[e].vertex[0], tet, plane[i].axis, &fraction);
-    }
+    bw_plane plane = plane_through(c, e, tet, axis);
     bw_polygon at[3] = {polygon_at(c, e, cell), BW_NONE, BW_NONE};
     at[1] = bw_walk_other(c, e, cell, at[0]);
-    int side[2] = {bw_walk_side(c, at[0], e, tet, plane[0]), bw_walk_side(c, at[1], e, tet, plane[0])};
+    int side[2] = {bw_walk_side(c, at[0], e, tet, plane), bw_walk_side(c, at[1], e, tet, plane)};
     if (side[0] * side[1] < 0) {
-        bw_status status = limited_cut(f, cell, plane[0], &at[2]);
+        bw_status status = bw_fire_cut(f, cell, plane, &at[2]);
         if (status != BW_OK) return status;
     }
     for (int i = 0; i < 3; i++) {
         if (at[i] == BW_NONE || (i < 2 && side[i]) || c->polygon[at[i]].flags & BW_WALL) continue;
-        uint8_t heading = (uint8_t)(2 * third + (bw_walk_side(c, at[i], e, tet, plane[1]) < 0));
-        bw_status status = burn(f, at[i], e, cell, 0, heading);
+        bw_status status = burn_from(f, at[i], e, cell);
         if (status != BW_OK) return status;
     }
     return BW_OK;
@@ -187,11 +200,16 @@ bw_status bw_fire_ignite_edge(bw_fire *f, bw_cedge e) {
         bw_status status = cells_at_edge(f, e, &count);
         for (size_t j = 0; j < count && status == BW_OK; j++) {
             int along = bw_cells_edge_axis(f->cells, e, bw_cells_tet(f->cells, f->around[j]));
-            status = ignite_in_cell(f, e, f->around[j], (along + i) % 3, along);
+            status = ignite_in_cell(f, e, f->around[j], (along + i) % 3);
         }
         if (status != BW_OK) return status;
     }
     return BW_OK;
+}
+
+bw_status bw_fire_ignite_at(bw_fire *f, bw_cedge e, bw_continuation at) {
+    bw_status status = make_polygon(f, &at);
+    return status == BW_OK ? burn_from(f, at.polygon, e, at.cell) : status;
 }
 
 static bool polygon_has_vertex(const bw_cells *c, bw_polygon p, bw_cvertex v) {
@@ -239,7 +257,7 @@ static bw_status cells_at_vertex(bw_fire *f, bw_tet tet, bw_cvertex v, size_t *c
 static bw_status ignite_cell_at_vertex(bw_fire *f, bw_cell cell, bw_cvertex v, bw_plane plane) {
     bw_cells *c = f->cells;
     bw_polygon section;
-    bw_status status = limited_cut(f, cell, plane, &section);
+    bw_status status = bw_fire_cut(f, cell, plane, &section);
     if (status != BW_OK || section == BW_NONE) return status;
     for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
         bw_plane q = bw_cells_polygon_plane(c, p, bw_cells_tet(c, cell));
@@ -290,7 +308,7 @@ bw_status bw_fire_ignite_polygon(bw_fire *f, bw_polygon p) {
 
 bw_status bw_fire_ignite_plane(bw_fire *f, bw_cell cell, bw_plane plane) {
     bw_polygon section;
-    bw_status status = limited_cut(f, cell, plane, &section);
+    bw_status status = bw_fire_cut(f, cell, plane, &section);
     if (status != BW_OK || section == BW_NONE || f->cells->polygon[section].flags & BW_WALL) return status;
     return burn(f, section, BW_NONE, cell, 0, (uint8_t)(2 * ((plane.axis + 1) % 3)));
 }
@@ -298,15 +316,7 @@ bw_status bw_fire_ignite_plane(bw_fire *f, bw_cell cell, bw_plane plane) {
 /* ---- spreading ----------------------------------------------------------------------------------------------------- */
 
 /* MC Algorithm 1 and 2: at most two burnt polygons at the edge. */
-static bool alive(const bw_cells *c, bw_cedge e) {
-    int burnt = 0;
-    bw_half head = c->edge[e].half, h = head;
-    do {
-        burnt += (c->polygon[c->half[h].polygon].flags & BW_WALL) != 0;
-        h = c->half[h].radial;
-    } while (h != head);
-    return burnt <= 2;
-}
+static bool alive(const bw_cells *c, bw_cedge e) { return bw_cells_walls_at(c, e) <= 2; }
 
 static bw_status cross(bw_fire *f, entry x) {
     bw_cells *c = f->cells;
@@ -322,11 +332,9 @@ static bw_status cross(bw_fire *f, entry x) {
     if (f->rules.stops_at_walls && !alive(c, x.edge)) return BW_OK;
     bw_continuation to;
     bw_polygon from = bw_walk_descendant(c, x.from, x.edge);
-    if (from == BW_NONE || !bw_walk_straight(c, x.edge, from, &to))
+    if (from == BW_NONE || !bw_walk_straight(c, x.edge, from, 0, 0, &to))
         return bw_fail(f->ctx, BW_E_INTERNAL, "a wall has no continuation across complex edge %d", x.edge);
-    bw_status status = BW_OK;
-    if (to.facet != BW_NONE) status = bw_cells_polygon_of(f->ctx, c, to.facet, &to.polygon);
-    else if (to.polygon == BW_NONE) status = limited_cut(f, to.cell, to.plane, &to.polygon);
+    bw_status status = make_polygon(f, &to);
     if (status != BW_OK) return status;
     if (c->polygon[to.polygon].flags & BW_WALL) return BW_OK;
     return burn(f, to.polygon, x.edge, to.cell, x.distance, turn(to.chart.rotation, x.heading));
@@ -338,7 +346,7 @@ bw_status bw_fire_run(bw_fire *f) {
         status = cross(f, pop(f));
         if (status == BW_OK && steps % 4096 == 0) {
             status = bw_poll(f->ctx);
-            bw_progress(f->ctx, (double)steps / (double)(steps + 8 * f->count + 1));
+            if (!f->silent) bw_progress(f->ctx, (double)steps / (double)(steps + 8 * f->count + 1));
         }
     }
     return status;

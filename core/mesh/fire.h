@@ -14,7 +14,7 @@
 #ifndef BW_MESH_FIRE_H
 #define BW_MESH_FIRE_H
 
-#include "mesh/cells.h"
+#include "mesh/walk.h"
 
 typedef struct bw_fire_entry bw_fire_entry;
 
@@ -28,6 +28,7 @@ typedef struct {
     bw_context *ctx;
     bw_cells *cells;
     bw_fire_rules rules;
+    bool silent; /* reports no progress: its runs are parts of something larger */
     uint64_t age;
     bw_fire_entry *heap;
     size_t count, room;
@@ -41,6 +42,9 @@ void bw_fire_clear(bw_fire *fire);
 /* Sets fire to both iso-surfaces through an axis-parallel complex edge (a leaf), all around it, at distance 0. Requires that all tets
  * around it are opened. */
 bw_status bw_fire_ignite_edge(bw_fire *fire, bw_cedge edge);
+/* Sets fire to one iso-surface at an axis-parallel complex edge (a leaf), on one side of it: to the polygon or facet named, which does not burn yet, or
+ * to that in which the plane cuts the cell. */
+bw_status bw_fire_ignite_at(bw_fire *fire, bw_cedge edge, bw_continuation at);
 /* Sets fire to the iso-surfaces of the axes in `axes` (bit k: axis k of the chart of `tet`) through a vertex of the tet mesh, all around it.
  * `tets` lists the tets at the vertex, `tet` first. The vertex must be regular. */
 bw_status bw_fire_ignite_vertex(bw_fire *fire, bw_vertex vertex, const bw_tet *tets, size_t tet_count, unsigned axes);
@@ -48,6 +52,8 @@ bw_status bw_fire_ignite_vertex(bw_fire *fire, bw_vertex vertex, const bw_tet *t
 bw_status bw_fire_ignite_polygon(bw_fire *fire, bw_polygon polygon);
 /* Sets fire to one iso-surface at the polygon in which a plane (chart of the cell's tet) cuts a cell. */
 bw_status bw_fire_ignite_plane(bw_fire *fire, bw_cell cell, bw_plane plane);
+/* Cuts a cell as bw_cells_cut does, within max_cells, and burns nothing. */
+bw_status bw_fire_cut(bw_fire *fire, bw_cell cell, bw_plane plane, bw_polygon *section);
 /* Burns until nothing is alight. Polls for cancellation and reports progress. */
 bw_status bw_fire_run(bw_fire *fire);
 

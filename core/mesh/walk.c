@@ -74,8 +74,8 @@ static bw_cell step(const bw_cells *c, face f, bw_cell cell, bw_transition *acro
 
 static bool is_in_facet(const bw_cells *c, face f) { return f.polygon == BW_NONE || c->polygon[f.polygon].kind == BW_IN_FACET; }
 
-bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_continuation *out) {
-    bw_cell cell = cells->polygon[from].cell[0];
+bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, int slot, uint8_t end, bw_continuation *out) {
+    bw_cell cell = cells->polygon[from].cell[slot];
     bw_transition chart, across;
     memset(&chart, 0, sizeof chart);
     bw_plane plane = bw_cells_polygon_plane(cells, from, bw_cells_tet(cells, cell));
@@ -85,7 +85,9 @@ bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_
         at = next_face(cells, edge, cell, at);
         int side = sense * face_side(cells, at, edge, bw_cells_tet(cells, cell), plane);
         *out = (bw_continuation){side ? BW_NONE : at.polygon, side ? BW_NONE : at.facet, cell, plane, chart};
-        if (side == 0 || (first && side != first)) return true;
+        bool inside = first && side && side != first; /* the continuation parts the cell */
+        if (!inside && at.polygon != BW_NONE && cells->polygon[at.polygon].flags & end) return false;
+        if (side == 0 || inside) return true;
         first = side;
         bool in_facet = is_in_facet(cells, at);
         cell = step(cells, at, cell, &across);
@@ -97,20 +99,17 @@ bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_
     }
 }
 
-bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bool *flat) {
+bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bw_plane *plane) {
     bw_cell cell = cells->polygon[from].cell[*slot];
-    bw_plane plane = {0, 0};
     bw_transition across;
-    if (flat) plane = bw_cells_polygon_plane(cells, from, bw_cells_tet(cells, cell));
     for (face at = {from, BW_NONE};;) {
         at = next_face(cells, edge, cell, at);
         if (at.polygon != BW_NONE && cells->polygon[at.polygon].flags & BW_WALL) {
             *slot = cells->polygon[at.polygon].cell[0] != cell;
-            if (flat) *flat = bw_walk_side(cells, at.polygon, edge, bw_cells_tet(cells, cell), plane) == 0;
             return at.polygon;
         }
         cell = step(cells, at, cell, &across);
-        if (flat) plane = bw_transition_plane(&across, plane);
+        if (plane) *plane = bw_transition_plane(&across, *plane);
     }
 }
 

@@ -19,14 +19,13 @@ typedef struct {
     bw_transition chart; /* from the chart of the first cell walked through to that of `cell` */
 } bw_continuation;
 
-/* Finds the continuation of an aligned polygon `from` across a regular interior edge, walking from its cell[0]. Returns false if
- * the walk ends at the boundary. */
-bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, bw_continuation *out);
+/* Finds the continuation of an aligned polygon `from` across an edge: what lies half a turn from it, walking from its cell[slot]. Returns false if
+ * the walk comes to the boundary first, or to a polygon with one of the flags `end`, the continuation included. */
+bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, int slot, uint8_t end, bw_continuation *out);
 
 /* The next wall polygon around an edge, starting from polygon `from` through its cell[*slot]; *slot becomes the slot of the cell through which
- * it was reached, and *flat tells whether both are coplanar there. Requires a wall in that direction; `from` must be aligned if
- * `flat` is wanted (else NULL). */
-bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bool *flat);
+ * it was reached. *plane (or NULL), in the chart of the first cell, is carried to that of the last. Requires a wall in that direction. */
+bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, int *slot, bw_plane *plane);
 
 /* The leaf that holds edge `leaf` among the descendants of polygon p; BW_NONE if there is none. */
 bw_polygon bw_walk_descendant(const bw_cells *cells, bw_polygon p, bw_cedge leaf);

@@ -38,11 +38,12 @@ static void consider(const bw_cells *c, bw_polygon p, int s, start *best) {
     do {
         bw_cedge e = c->half[h].edge;
         h = c->half[h].next;
-        bool flat = true;
         start at = across_edge(c, e, c->polygon[p].cell[s]);
         if (at.length <= best->length) continue;
         int slot = s;
-        bw_walk_wall(c, e, p, &slot, &flat);
+        bw_plane plane = bw_cells_polygon_plane(c, p, bw_cells_tet(c, c->polygon[p].cell[s]));
+        bw_polygon q = bw_walk_wall(c, e, p, &slot, &plane);
+        bool flat = bw_walk_side(c, q, e, bw_cells_tet(c, c->polygon[q].cell[slot]), plane) == 0;
         if (!flat) *best = at;
     } while (h != c->polygon[p].half);
 }

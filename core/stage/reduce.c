@@ -73,8 +73,10 @@ static void take_walls_away(bw_cells *cells, const bw_complex *x, const search *
             cells->polygon[x->patch_polygon[i]].flags &= (uint8_t) ~(BW_WALL | BW_SPLIT);
     }
     for (size_t a = 0; a < x->arc_count; a++)
-        for (size_t i = x->arc_edge_begin[a]; i < x->arc_edge_begin[a + 1] && s->kept[a]; i++)
-            cells->edge[x->arc_edge[i]].flags |= BW_KEPT;
+        for (size_t i = x->arc_edge_begin[a]; i < x->arc_edge_begin[a + 1]; i++) {
+            if (s->kept[a]) cells->edge[x->arc_edge[i]].flags |= BW_KEPT;
+            else cells->edge[x->arc_edge[i]].flags &= (uint8_t)~BW_KEPT; /* between patches that have become one */
+        }
 }
 
 static bw_status remove_walls(bw_context *ctx, bw_cells *cells, const bw_complex *x, const bw_reduce_options *options,

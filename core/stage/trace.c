@@ -1,6 +1,7 @@
 #include "stage/trace.h"
 
-#include "mesh/fire.h"
+#include "mesh/fire_serial.h"
+#include "mesh/rectangles.h"
 
 /* All leaves of a tet edge. */
 static bw_status ignite_edge(bw_fire *fire, bw_cedge e) {
@@ -99,13 +100,27 @@ static bw_status ignite_feature_vertices(bw_fire *fire) {
     return status;
 }
 
+static bw_status burn_simultaneously(bw_fire *fire) {
+    bw_status status = ignite_feature_facets(fire);
+    if (status == BW_OK) status = ignite_edges(fire);
+    if (status == BW_OK) status = ignite_feature_vertices(fire);
+    return status == BW_OK ? bw_fire_run(fire) : status;
+}
+
+/* What has to burn first, whatever else there is; then arc by arc. */
+static bw_status burn_serially(bw_fire *fire) {
+    bw_status status = ignite_feature_facets(fire);
+    if (status == BW_OK) status = open_around_edges(fire);
+    if (status == BW_OK) status = ignite_feature_vertices(fire);
+    if (status == BW_OK) status = bw_fire_run(fire);
+    if (status == BW_OK) status = bw_fire_serial(fire);
+    return status == BW_OK ? bw_rectangles(fire) : status;
+}
+
 bw_status bw_trace(bw_context *ctx, bw_cells *cells, bw_complex_kind kind, uint64_t max_cells) {
     bw_fire fire;
-    bw_fire_init(&fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = kind == BW_COMPLEX_MC, .max_cells = max_cells});
-    bw_status status = ignite_feature_facets(&fire);
-    if (status == BW_OK) status = ignite_edges(&fire);
-    if (status == BW_OK) status = ignite_feature_vertices(&fire);
-    if (status == BW_OK) status = bw_fire_run(&fire);
+    bw_fire_init(&fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = kind != BW_COMPLEX_BC, .max_cells = max_cells});
+    bw_status status = kind == BW_COMPLEX_SERIAL ? burn_serially(&fire) : burn_simultaneously(&fire);
     bw_fire_clear(&fire);
     return status == BW_OK ? bw_cells_trim(ctx, cells) : status;
 }

@@ -1,4 +1,5 @@
-/* Stage trace: the walls of the motorcycle complex or the base complex (MC 5.2, Algorithm 2), on the convex-cell complex. */
+/* Stage trace: the walls of the motorcycle complex or the base complex (MC 5.2, Algorithm 2), on the convex-cell complex. The walls of the
+ * motorcycle complex burn all at once, or serially and sparsely (MC 4.2, last remark; mesh/fire_serial.h). */
 #ifndef BW_STAGE_TRACE_H
 #define BW_STAGE_TRACE_H
 

@@ -24,7 +24,7 @@
 static const char usage[] =
     "Usage: bench_stages [options] [FILE ...]\n"
     "\n"
-    "      --complex mc|bc                      mc: motorcycle complex (default); bc: base complex\n"
+    "      --complex mc|bc|serial               mc: motorcycle complex (default); bc: base complex; serial: mc, wall by wall\n"
     "      --reduce none|keep-singular|full     (default keep-singular)\n"
     "      --self-adjacent allow|split          (default allow)\n"
     "      --effort 0..3                        (default 1)\n"

@@ -32,7 +32,8 @@ static inline void encode_trace_and_build(encoded *e, bw_complex_kind kind) {
     bw_report_fill_input(&e->report, &e->mesh);
     bw_report_fill_singular(&e->report, &e->mesh, &e->map);
     bw_report_fill_trace(&e->report, &e->cells);
-    bw_report_fill_complex(&e->report, &e->complex, kind == BW_COMPLEX_BC ? "bc" : "mc");
+    static const char *const names[] = {"mc", "bc", "serial"};
+    bw_report_fill_complex(&e->report, &e->complex, names[kind]);
 }
 
 static inline void encode_prepare(encoded *e, const char *name, int size, double noise,

@@ -35,11 +35,11 @@ static inline bw_model_options reduce_options_of(int size, uint64_t seed) {
 
 static inline void reducible_open(reducible *r, const char *model, const bw_model_options *options,
                                   bw_complex_kind kind, bool split) {
+    static const char *const names[] = {"mc", "bc", "serial"};
     memset(r, 0, sizeof *r);
     bw_context_init(&r->ctx);
     snprintf(r->name, sizeof r->name, "%s size %d seed %llu %s %s", model, options->size,
-             (unsigned long long)options->seed, kind == BW_COMPLEX_BC ? "bc" : "mc",
-             split ? "split" : "allow");
+             (unsigned long long)options->seed, names[kind], split ? "split" : "allow");
     kit_expect_ok(&r->ctx, sample_map(&r->ctx, model, options, &r->mesh, &r->map));
     kit_expect_ok(&r->ctx, bw_cells_init(&r->ctx, &r->cells, &r->mesh, &r->map));
     kit_expect_ok(&r->ctx, bw_trace(&r->ctx, &r->cells, kind, REDUCE_MAX_CELLS));

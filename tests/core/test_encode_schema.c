@@ -148,7 +148,7 @@ static const struct {
 } samples[] = {{"l-shape", BW_COMPLEX_MC},
                {"ball", BW_COMPLEX_BC},
                {"torus-quarter", BW_COMPLEX_MC},
-               {"tee", BW_COMPLEX_MC}};
+               {"tee", BW_COMPLEX_SERIAL}};
 
 static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
     (void)state;

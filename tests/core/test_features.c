@@ -11,11 +11,15 @@ typedef struct {
     bw_grid_map map;
     bw_cells cells;
     bw_complex complex;
+    bw_complex_kind kind;
 } fixture;
 
+static const bw_complex_kind kinds[] = {BW_COMPLEX_MC, BW_COMPLEX_SERIAL};
+
 /* A cuboid whose tets lie on a grid: its interior has vertices, edges and facets to mark. */
-static void start(bw_context *ctx, fixture *f) {
+static void start(bw_context *ctx, fixture *f, bw_complex_kind kind) {
     memset(f, 0, sizeof *f);
+    f->kind = kind;
     bw_context_init(ctx);
     bw_model_options options;
     bw_model_options_defaults(&options);
@@ -34,7 +38,7 @@ static void finish(bw_context *ctx, fixture *f) {
 static void trace_with_features(bw_context *ctx, fixture *f) {
     kit_expect_ok(ctx, bw_grid_map_derive(ctx, &f->mesh, &f->map));
     kit_expect_ok(ctx, bw_cells_init(ctx, &f->cells, &f->mesh, &f->map));
-    kit_expect_ok(ctx, bw_trace(ctx, &f->cells, BW_COMPLEX_MC, 1000000));
+    kit_expect_ok(ctx, bw_trace(ctx, &f->cells, f->kind, 1000000));
     kit_expect_ok(ctx, bw_build_complex(ctx, &f->cells, &(bw_build_options){.max_cells = 1000000}, &f->complex));
     kit_expect_ok(ctx, bw_cells_check(ctx, &f->cells));
 }
@@ -54,11 +58,10 @@ static bool is_inner_vertex(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_
     return true;
 }
 
-static void an_inner_vertex_becomes_a_node(void **state) {
-    (void)state;
+static void vertex_becomes_a_node(bw_complex_kind kind) {
     bw_context ctx;
     fixture f;
-    start(&ctx, &f);
+    start(&ctx, &f, kind);
     bw_vertex v = 0;
     while (!is_inner_vertex(&f.mesh, &f.map, v)) v++;
     f.mesh.feature_vertex = bw_alloc(&ctx, 1, sizeof *f.mesh.feature_vertex);
@@ -71,11 +74,15 @@ static void an_inner_vertex_becomes_a_node(void **state) {
     finish(&ctx, &f);
 }
 
-static void an_inner_edge_becomes_part_of_an_arc(void **state) {
+static void an_inner_vertex_becomes_a_node(void **state) {
     (void)state;
+    for (int k = 0; k < 2; k++) vertex_becomes_a_node(kinds[k]);
+}
+
+static void edge_becomes_part_of_an_arc(bw_complex_kind kind) {
     bw_context ctx;
     fixture f;
-    start(&ctx, &f);
+    start(&ctx, &f, kind);
     bw_edge e = 0;
     for (;; e++) {
         const bw_vertex *end = f.mesh.edge[e];
@@ -89,18 +96,22 @@ static void an_inner_edge_becomes_part_of_an_arc(void **state) {
     memcpy(f.mesh.feature_edge[0], f.mesh.edge[e], sizeof f.mesh.edge[e]);
     f.mesh.feature_edge_count = 1;
     trace_with_features(&ctx, &f);
-    assert_int_equal(f.complex.block_count, 4); /* two walls through the edge, from side to side */
+    assert_int_equal(f.complex.block_count, kind == BW_COMPLEX_SERIAL ? 3 : 4); /* two walls through the edge, or a wall and half of one */
     bw_reduce_report report;
     kit_expect_ok(&ctx, bw_reduce(&ctx, &f.cells, &f.complex, &(bw_reduce_options){.mode = BW_REDUCE_FULL, .effort = 1}, &report));
     assert_in_range(f.complex.block_count, 2, 3);
     finish(&ctx, &f);
 }
 
-static void an_inner_facet_becomes_part_of_a_wall(void **state) {
+static void an_inner_edge_becomes_part_of_an_arc(void **state) {
     (void)state;
+    for (int k = 0; k < 2; k++) edge_becomes_part_of_an_arc(kinds[k]);
+}
+
+static void facet_becomes_part_of_a_wall(bw_complex_kind kind) {
     bw_context ctx;
     fixture f;
-    start(&ctx, &f);
+    start(&ctx, &f, kind);
     bw_facet found = BW_NONE;
     for (size_t i = 0; i < f.mesh.facet_count && found == BW_NONE; i++) {
         if (f.mesh.facet_tet[i][1] == BW_NONE) continue;
@@ -118,11 +129,16 @@ static void an_inner_facet_becomes_part_of_a_wall(void **state) {
     finish(&ctx, &f);
 }
 
+static void an_inner_facet_becomes_part_of_a_wall(void **state) {
+    (void)state;
+    for (int k = 0; k < 2; k++) facet_becomes_part_of_a_wall(kinds[k]);
+}
+
 static void an_oblique_feature_is_refused(void **state) {
     (void)state;
     bw_context ctx;
     fixture f;
-    start(&ctx, &f);
+    start(&ctx, &f, BW_COMPLEX_MC);
     bw_edge e = 0;
     for (;; e++) { /* a diagonal: longer than both sides of its square */
         const bw_vertex *end = f.mesh.edge[e];
@@ -143,7 +159,7 @@ static void sharp_edges_of_models_survive(void **state) {
     (void)state;
     size_t models;
     const bw_model_info *list = bw_model_list(&models);
-    for (size_t m = 0; m < models; m++) {
+    for (size_t m = 0; m < 2 * models; m++) {
         bw_context ctx;
         bw_context_init(&ctx);
         bw_model_options options;
@@ -153,7 +169,8 @@ static void sharp_edges_of_models_survive(void **state) {
         fixture f;
         memset(&f, 0, sizeof f);
         bw_sanitize_report sanitized;
-        kit_expect_ok(&ctx, bw_model_make(&ctx, list[m].name, &options, &model));
+        kit_expect_ok(&ctx, bw_model_make(&ctx, list[m / 2].name, &options, &model));
+        f.kind = kinds[m % 2];
         f.mesh.vertex_count = model.vertex_count, f.mesh.tet_count = model.tet_count;
         f.mesh.position = model.position, f.mesh.tet = model.tet, f.mesh.parameter = model.parameter;
         f.mesh.feature_vertex = model.feature_vertex, f.mesh.feature_vertex_count = model.feature_vertex_count;

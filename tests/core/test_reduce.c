@@ -134,15 +134,15 @@ static void every_result_is_valid_and_irreducible(void **state) {
     size_t models;
     const bw_model_info *list = bw_model_list(&models);
     for (size_t m = 0; m < models; m++)
-        for (int i = 0; i < 8; i++) {
-            bool large = list[m].blocks_bc > 20;
+        for (int i = 0; i < 12; i++) {
+            bool large = list[m].blocks_bc > 20, split = i / 3 & 1;
             bw_model_options options =
-                reduce_options_of(i < 4 || large ? 1 : 2, kit_seed() + (uint64_t)i / 4);
-            if (i >= 4 && !large) options.scramble = BW_SCRAMBLE_BLOCKS, options.perturb = 1e-7;
-            if (large && i >= 4) continue;
+                reduce_options_of(i < 6 || large ? 1 : 2, kit_seed() + (uint64_t)i / 6);
+            if (i >= 6 && !large) options.scramble = BW_SCRAMBLE_BLOCKS, options.perturb = 1e-7;
+            if (large && i >= 6) continue;
             reducible r;
-            reducible_open(&r, list[m].name, &options, i & 1 ? BW_COMPLEX_BC : BW_COMPLEX_MC, i & 2);
-            reduce_every_way(&r, i & 2);
+            reducible_open(&r, list[m].name, &options, (bw_complex_kind)(i % 3), split);
+            reduce_every_way(&r, split);
             reducible_close(&r);
         }
 }

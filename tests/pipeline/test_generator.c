@@ -39,7 +39,7 @@ typedef struct {
 } job;
 
 static void describe(job *j) {
-    static const char *const complexes[] = {"mc", "bc"}, *const modes[] = {"none", "keep-singular", "full"};
+    static const char *const complexes[] = {"mc", "bc", "serial"}, *const modes[] = {"none", "keep-singular", "full"};
     const bw_model_options *m = &j->model;
     snprintf(
         j->text, sizeof j->text,
@@ -51,7 +51,7 @@ static void describe(job *j) {
 }
 
 /* A job of the family whose turn it is. Errors of the parameters are 10^low to 10^high of the shortest edge,
- * for two thirds of the motorcycle complexes. They part singular edges that lay on one wall, and a base
+ * for two thirds of the motorcycle complexes, simultaneous or serial. They part singular edges that lay on one wall, and a base
  * complex may then become as large as one likes: those are drawn exact. */
 static job draw(size_t number, kit_random *random, double low, double high) {
     size_t samples;
@@ -60,7 +60,7 @@ static job draw(size_t number, kit_random *random, double low, double high) {
     job j = {.flat = family < samples ? NULL : &flat_shapes[family - samples]};
     j.family = j.flat ? j.flat->name : list[family].name;
     bw_options_defaults(&j.options);
-    j.options.complex = kit_random_below(random, 3) ? BW_COMPLEX_MC : BW_COMPLEX_BC;
+    j.options.complex = (bw_complex_kind)kit_random_below(random, 3);
     j.options.reduce = (bw_reduce_mode)kit_random_below(random, 3);
     j.options.self_adjacent = kit_random_below(random, 3) ? BW_SELF_ADJACENT_ALLOW : BW_SELF_ADJACENT_SPLIT;
     j.options.effort = (int)kit_random_below(random, 3);

@@ -66,6 +66,9 @@ static void every_shared_input_has_the_reference_base_complex(void **state) {
         outcome mc = run(path, BW_COMPLEX_MC);
         if (mc.status != BW_OK) fail_msg("%s: %s", name, mc.message);
         assert_int_equal(mc.singular, singular);
+        outcome serial = run(path, BW_COMPLEX_SERIAL);
+        if (serial.status != BW_OK) fail_msg("%s, serial: %s", name, serial.message);
+        assert_in_range(serial.blocks, 1, mc.blocks);
         outcome bc = run(path, BW_COMPLEX_BC);
         if (known) {
             if (bc.status != BW_OK || bc.blocks != known) fail_msg("%s: base complex %zu blocks, reference %zu (%s)", name, bc.blocks, known, bc.message);
@@ -74,7 +77,8 @@ static void every_shared_input_has_the_reference_base_complex(void **state) {
         } else { /* the reference has none; ours either is valid or too large */
             assert_true(bc.status == BW_OK || bc.status == BW_E_LIMIT);
         }
-        print_message("%-30s mc %4zu  bc %4zu  reference bc %4zu\n", name, mc.blocks, bc.blocks, known);
+        print_message("%-30s mc %4zu  serial %4zu  bc %4zu  reference bc %4zu\n", name, mc.blocks, serial.blocks, bc.blocks,
+                      known);
     }
     assert_true(compared >= 20);
     kit_names_free(names, count);

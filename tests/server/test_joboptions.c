@@ -56,7 +56,7 @@ static void equal_requests_have_equal_forms(void **state) {
 
 static void a_refusal_names_the_option_and_what_it_may_be(void **state) {
     (void)state;
-    const char *cases[][2] = {{"{\"complex\":\"x\"}", "option complex must be one of mc, bc"},
+    const char *cases[][2] = {{"{\"complex\":\"x\"}", "option complex must be one of mc, bc, serial"},
                               {"{\"max_cells\":0}", "option max_cells must be an integer at least 1 and at most 2000000000"},
                               {"{\"tolerance\":1}", "option tolerance must be a number at least 0 and less than 0.1"},
                               {"{\"colour\":1}", "there is no option 'colour'"},
