@@ -3,29 +3,24 @@
 
 #include "remote.h"
 
-typedef struct {
-    const char *server;
-} settings;
+static const cli_option options[] = {CLI_SERVER_OPTION(cli_job_settings)};
 
-static const cli_option options[] = {CLI_SERVER_OPTION(settings)};
-
-static int run(const cli_command *self, int argc, char **argv) {
-    settings s = {0};
-    cli_operands operands;
+static int cancel(cli_http *http, const char *id) {
     char path[128];
     int code = CLI_DONE;
-    if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !cli_check_id(self, operands.operand[0]))
-        return CLI_USAGE;
-    cli_http *http = cli_http_open(s.server);
-    snprintf(path, sizeof path, "/v1/jobs/%s/cancel", operands.operand[0]);
+    snprintf(path, sizeof path, "/v1/jobs/%s/cancel", id);
     json_t *job = cli_http_json(http, "POST", path, NULL, &code);
-    const char *state = json_string_value(json_object_get(job, "state"));
+    if (!job) return code;
     bool stopping = json_is_true(json_object_get(job, "cancelling"));
-    if (job) printf("%s ", operands.operand[0]);
-    if (job) cli_print_safe(stdout, stopping ? "cancelling" : state ? state : "?"), putchar('\n');
+    printf("%s ", id);
+    cli_print_safe(stdout, stopping ? "cancelling" : cli_text_of(job, "state"));
+    putchar('\n');
     json_decref(job);
-    cli_http_close(http);
     return code;
+}
+
+static int run(const cli_command *self, int argc, char **argv) {
+    return cli_run_on_job(self, argc, argv, cancel);
 }
 
 const cli_command cli_command_cancel = {

@@ -3,33 +3,24 @@
 
 #include "remote.h"
 
-typedef struct {
-    const char *server;
-} settings;
+static const cli_option options[] = {CLI_SERVER_OPTION(cli_job_settings)};
 
-static const cli_option options[] = {CLI_SERVER_OPTION(settings)};
-
-static int run(const cli_command *self, int argc, char **argv) {
-    settings s = {0};
-    cli_operands operands;
+static int show(cli_http *http, const char *id) {
     cli_reply reply;
     char path[128];
     int code = CLI_DONE;
-    if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !cli_check_id(self, operands.operand[0]))
-        return CLI_USAGE;
-    cli_http *http = cli_http_open(s.server);
-    snprintf(path, sizeof path, "/v1/jobs/%s/log", operands.operand[0]);
-    if (!cli_http_call(http, "GET", path, NULL, &reply)) {
-        code = cli_http_failed(http);
-    } else {
-        if (reply.status == 200)
-            cli_print_lines(stdout, reply.body, reply.size);
-        else
-            code = cli_http_refused(http, &reply);
-        cli_reply_clear(&reply);
-    }
-    cli_http_close(http);
+    snprintf(path, sizeof path, "/v1/jobs/%s/log", id);
+    if (!cli_http_call(http, "GET", path, NULL, &reply)) return cli_http_failed(http);
+    if (reply.status == 200)
+        cli_print_lines(stdout, reply.body, reply.size);
+    else
+        code = cli_http_refused(http, &reply);
+    cli_reply_clear(&reply);
     return code;
+}
+
+static int run(const cli_command *self, int argc, char **argv) {
+    return cli_run_on_job(self, argc, argv, show);
 }
 
 const cli_command cli_command_log = {

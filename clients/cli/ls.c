@@ -19,21 +19,16 @@ static const cli_option options[] = {
     {"limit", 'n', CLI_INTEGER, offsetof(settings, limit), "N", "the newest N jobs (default 50)", 1, 1e9},
 };
 
-static const char *text_of(const json_t *object, const char *key) {
-    const char *text = json_string_value(json_object_get(object, key));
-    return text ? text : "";
-}
-
 static void print_job(const json_t *job) {
-    const char *complex = text_of(json_object_get(job, "options"), "complex");
+    const char *complex = cli_text_of(json_object_get(job, "options"), "complex");
     char id[65], state[32], stage[32], kind[16], created[20];
-    printf("%-24s  %-10s  %3.0f %%  %-13s  %-3s  %-19s  ", cli_safe(id, sizeof id, text_of(job, "id")),
-           cli_safe(state, sizeof state, text_of(job, "state")),
+    printf("%-24s  %-10s  %3.0f %%  %-13s  %-3s  %-19s  ", cli_safe(id, sizeof id, cli_text_of(job, "id")),
+           cli_safe(state, sizeof state, cli_text_of(job, "state")),
            100 * json_number_value(json_object_get(job, "progress")),
-           cli_safe(stage, sizeof stage, text_of(job, "stage")),
+           cli_safe(stage, sizeof stage, cli_text_of(job, "stage")),
            cli_safe(kind, sizeof kind, *complex ? complex : "mc"),
-           cli_safe(created, sizeof created, text_of(job, "created")));
-    cli_print_safe(stdout, text_of(job, "name"));
+           cli_safe(created, sizeof created, cli_text_of(job, "created")));
+    cli_print_safe(stdout, cli_text_of(job, "name"));
     putchar('\n');
 }
 
@@ -60,7 +55,7 @@ static int list(cli_http *http, const settings *s) {
         json_t *job;
         json_array_foreach(json_object_get(page, "jobs"), index, job) print_job(job);
         left -= (int64_t)json_array_size(json_object_get(page, "jobs"));
-        snprintf(cursor, sizeof cursor, "%s", text_of(page, "next"));
+        snprintf(cursor, sizeof cursor, "%s", cli_text_of(page, "next"));
         json_decref(page);
     } while (left > 0 && *cursor);
     return CLI_DONE;

@@ -24,5 +24,13 @@ int cli_fetch(cli_http *http, const char *id, const char *out, bool quiet);
 
 /* Is the operand a job id? If not, complains. */
 bool cli_check_id(const cli_command *self, const char *id);
+/* A member that is a string; "" if it is none. */
+const char *cli_text_of(const json_t *object, const char *key);
+
+/* A command whose only operand is a job's id and whose only option is the daemon: its settings, and all of it but what it does. */
+typedef struct {
+    const char *server;
+} cli_job_settings;
+int cli_run_on_job(const cli_command *self, int argc, char **argv, int (*act)(cli_http *http, const char *id));
 
 #endif

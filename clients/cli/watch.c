@@ -18,17 +18,6 @@ static const cli_option options[] = {
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress, only how it ended", 0, 0},
 };
 
-bool cli_check_id(const cli_command *self, const char *id) {
-    if (cli_job_id_valid(id)) return true;
-    cli_usage_error(self, "'%s' is not a job id", id);
-    return false;
-}
-
-static const char *text_of(const json_t *object, const char *key) {
-    const char *text = json_string_value(json_object_get(object, key));
-    return text ? text : "";
-}
-
 static void pause_seconds(double seconds) {
     struct timespec t = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
     nanosleep(&t, NULL);
@@ -55,18 +44,18 @@ static json_t *ask(cli_http *http, const char *id, double patience, int *exit_co
 }
 
 static bool ended(const json_t *job) {
-    const char *state = text_of(job, "state");
+    const char *state = cli_text_of(job, "state");
     return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0;
 }
 
 static void show(cli_progress *progress, const json_t *job) {
-    bool running = !strcmp(text_of(job, "state"), "running");
-    cli_progress_show(progress, running ? text_of(job, "stage") : "queued",
+    bool running = !strcmp(cli_text_of(job, "state"), "running");
+    cli_progress_show(progress, running ? cli_text_of(job, "stage") : "queued",
                       json_number_value(json_object_get(job, "progress")));
 }
 
 static int exit_of_job(const char *id, const json_t *job) {
-    const char *state = text_of(job, "state");
+    const char *state = cli_text_of(job, "state");
     char subject[96];
     if (!strcmp(state, "successful")) return CLI_DONE;
     snprintf(subject, sizeof subject, "job %s", id);

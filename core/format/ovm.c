@@ -344,6 +344,8 @@ static bw_status read_all(reader *r) {
     bw_word word = {0};
     s->comment = '#';
     bw_status status = bw_scan_word(s, &word);
+    if (status == BW_OK && bw_word_is(word, "OVMB"))
+        status = bw_scan_fail(s, BW_E_SYNTAX, "OpenVolumeMesh's binary form is not read, its text form is");
     if (status == BW_OK && !bw_word_is(word, "OVM"))
         status = bw_scan_fail(s, BW_E_SYNTAX, "the file does not begin with OVM ASCII");
     if (status == BW_OK) status = bw_scan_word(s, &word);

@@ -9,7 +9,7 @@
 #include "format/vtm_file.h"
 #include "mesh/walk.h"
 
-enum { VTK_VERTEX = 1, VTK_POLY_LINE = 4, VTK_POLYGON = 7, VTK_POLYHEDRON = 42, POLL_EVERY = 1 << 14 };
+enum { VTK_VERTEX = 1, VTK_POLY_LINE = 4, VTK_POLYGON = 7, VTK_POLYHEDRON = 42, POLL_EVERY = 1 << 14, ARRAYS_MOST = 12 };
 
 typedef struct {
     bw_context *ctx;
@@ -17,6 +17,7 @@ typedef struct {
     const bw_complex *complex;
     const double (*position)[3];
     bw_vtm_file file;
+    bw_vtm_array_info array[ARRAYS_MOST]; /* of the file */
     int32_t *point;     /* [vertex]: its number in the file being written; BW_NONE */
     bw_cvertex *vertex; /* [point] */
     size_t point_count;
@@ -49,6 +50,25 @@ static void put_points(writer *w) {
 static void put_types(writer *w, size_t count, uint8_t type) {
     bw_vtm_array(&w->file);
     for (size_t i = 0; i < count; i++) bw_vtm_uint8(&w->file, type);
+}
+
+/* An array of the cells' data, `components` values each. */
+static bw_vtm_array_info per_cell(const char *name, bw_vtm_type type, int components, size_t cells) {
+    return (bw_vtm_array_info){BW_VTM_CELL_DATA, name, type, components, (uint64_t)components * cells};
+}
+
+/* Begins a file of `cells` cells over the points needed: the arrays that every file has, `corners` points in all of its cells, then
+ * `more`. Values are written in the same order. */
+static bw_status begin_file(writer *w, const char *path, size_t cells, uint64_t corners, const bw_vtm_array_info *more,
+                            size_t count) {
+    const bw_vtm_array_info common[] = {{BW_VTM_POINTS, "Points", BW_VTM_FLOAT64, 3, 3 * w->point_count},
+                                        {BW_VTM_CELLS, "connectivity", BW_VTM_INT32, 1, corners},
+                                        {BW_VTM_CELLS, "offsets", BW_VTM_INT64, 1, cells},
+                                        {BW_VTM_CELLS, "types", BW_VTM_UINT8, 1, cells}};
+    size_t before = sizeof common / sizeof *common;
+    memcpy(w->array, common, sizeof common);
+    memcpy(w->array + before, more, count * sizeof *more);
+    return bw_vtm_begin(w->ctx, &w->file, path, w->point_count, cells, w->array, before + count);
 }
 
 static double in_map(const writer *w, int64_t units) {
@@ -251,16 +271,11 @@ static bw_status write_blocks(writer *w, const char *path, uint64_t *bytes) {
         corners += cell_points(w, (bw_cell)c, mark, false);
         numbers += face_numbers(w, (bw_cell)c);
     }
-    const bw_vtm_array_info arrays[] = {{BW_VTM_POINTS, "Points", BW_VTM_FLOAT64, 3, 3 * w->point_count},
-                                        {BW_VTM_CELLS, "connectivity", BW_VTM_INT32, 1, corners},
-                                        {BW_VTM_CELLS, "offsets", BW_VTM_INT64, 1, count},
-                                        {BW_VTM_CELLS, "types", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELLS, "faces", BW_VTM_INT32, 1, numbers},
-                                        {BW_VTM_CELLS, "faceoffsets", BW_VTM_INT64, 1, count},
-                                        {BW_VTM_CELL_DATA, "block", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELL_DATA, "tet", BW_VTM_INT32, 1, count}};
-    bw_status status =
-        bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
+    const bw_vtm_array_info more[] = {{BW_VTM_CELLS, "faces", BW_VTM_INT32, 1, numbers},
+                                      {BW_VTM_CELLS, "faceoffsets", BW_VTM_INT64, 1, count},
+                                      per_cell("block", BW_VTM_INT32, 1, count),
+                                      per_cell("tet", BW_VTM_INT32, 1, count)};
+    bw_status status = begin_file(w, path, count, corners, more, sizeof more / sizeof *more);
     if (status == BW_OK) status = put_cells(w, mark);
     bw_status closed = bw_vtm_end(&w->file, bytes);
     bw_free(w->ctx, mark);
@@ -299,16 +314,12 @@ static bw_status write_walls(writer *w, const char *path, uint64_t *bytes) {
         need_polygon(w, x->patch_polygon[i]);
         corners += polygon_size(w->cells, x->patch_polygon[i]);
     }
-    const bw_vtm_array_info arrays[] = {{BW_VTM_POINTS, "Points", BW_VTM_FLOAT64, 3, 3 * w->point_count},
-                                        {BW_VTM_CELLS, "connectivity", BW_VTM_INT32, 1, corners},
-                                        {BW_VTM_CELLS, "offsets", BW_VTM_INT64, 1, count},
-                                        {BW_VTM_CELLS, "types", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "patch", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELL_DATA, "blocks", BW_VTM_INT32, 2, 2 * count},
-                                        {BW_VTM_CELL_DATA, "distance", BW_VTM_FLOAT64, 1, count},
-                                        {BW_VTM_CELL_DATA, "boundary", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "flags", BW_VTM_UINT8, 1, count}};
-    bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
+    const bw_vtm_array_info more[] = {per_cell("patch", BW_VTM_INT32, 1, count),
+                                      per_cell("blocks", BW_VTM_INT32, 2, count),
+                                      per_cell("distance", BW_VTM_FLOAT64, 1, count),
+                                      per_cell("boundary", BW_VTM_UINT8, 1, count),
+                                      per_cell("flags", BW_VTM_UINT8, 1, count)};
+    begin_file(w, path, count, corners, more, sizeof more / sizeof *more);
     put_points(w);
     bw_vtm_array(&w->file);
     for (size_t i = 0; i < count; i++) put_polygon(w, x->patch_polygon[i], false);
@@ -362,18 +373,14 @@ static bw_status write_arcs(writer *w, const char *path, uint64_t *bytes) {
     size_t count = x->arc_count, edges = x->arc_edge_begin[count];
     for (size_t i = 0; i < edges; i++)
         for (int k = 0; k < 2; k++) need_point(w, w->cells->edge[x->arc_edge[i]].vertex[k]);
-    const bw_vtm_array_info arrays[] = {{BW_VTM_POINTS, "Points", BW_VTM_FLOAT64, 3, 3 * w->point_count},
-                                        {BW_VTM_CELLS, "connectivity", BW_VTM_INT32, 1, edges + count},
-                                        {BW_VTM_CELLS, "offsets", BW_VTM_INT64, 1, count},
-                                        {BW_VTM_CELLS, "types", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "arc", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELL_DATA, "length", BW_VTM_FLOAT64, 1, count},
-                                        {BW_VTM_CELL_DATA, "quarters", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELL_DATA, "singular", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "boundary", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "t", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "flags", BW_VTM_UINT8, 1, count}};
-    bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
+    const bw_vtm_array_info more[] = {per_cell("arc", BW_VTM_INT32, 1, count),
+                                      per_cell("length", BW_VTM_FLOAT64, 1, count),
+                                      per_cell("quarters", BW_VTM_INT32, 1, count),
+                                      per_cell("singular", BW_VTM_UINT8, 1, count),
+                                      per_cell("boundary", BW_VTM_UINT8, 1, count),
+                                      per_cell("t", BW_VTM_UINT8, 1, count),
+                                      per_cell("flags", BW_VTM_UINT8, 1, count)};
+    begin_file(w, path, count, edges + count, more, sizeof more / sizeof *more);
     put_points(w);
     put_lines(w);
     put_arc_data(w);
@@ -384,15 +391,11 @@ static bw_status write_nodes(writer *w, const char *path, uint64_t *bytes) {
     const bw_complex *x = w->complex;
     size_t count = x->node_count;
     for (size_t n = 0; n < count; n++) need_point(w, x->node_vertex[n]);
-    const bw_vtm_array_info arrays[] = {{BW_VTM_POINTS, "Points", BW_VTM_FLOAT64, 3, 3 * w->point_count},
-                                        {BW_VTM_CELLS, "connectivity", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELLS, "offsets", BW_VTM_INT64, 1, count},
-                                        {BW_VTM_CELLS, "types", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "node", BW_VTM_INT32, 1, count},
-                                        {BW_VTM_CELL_DATA, "singular", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "boundary", BW_VTM_UINT8, 1, count},
-                                        {BW_VTM_CELL_DATA, "flags", BW_VTM_UINT8, 1, count}};
-    bw_vtm_begin(w->ctx, &w->file, path, w->point_count, count, arrays, sizeof arrays / sizeof *arrays);
+    const bw_vtm_array_info more[] = {per_cell("node", BW_VTM_INT32, 1, count),
+                                      per_cell("singular", BW_VTM_UINT8, 1, count),
+                                      per_cell("boundary", BW_VTM_UINT8, 1, count),
+                                      per_cell("flags", BW_VTM_UINT8, 1, count)};
+    begin_file(w, path, count, count, more, sizeof more / sizeof *more);
     put_points(w);
     bw_vtm_array(&w->file);
     for (size_t n = 0; n < count; n++) bw_vtm_int32(&w->file, w->point[x->node_vertex[n]]);

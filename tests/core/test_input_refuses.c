@@ -213,6 +213,7 @@ static void openvolumemesh(void **state) {
     (void)state;
     static const damage list[] = {
         {"OVM ASCII", "OVM BINARY", BW_E_SYNTAX, "line", 1, "OVM ASCII"},
+        {"OVM ASCII", "OVMB\n\r\n\xff", BW_E_SYNTAX, "line", 1, "binary form is not read"},
         {"Vertices\n8", "Vertices\n8000000", BW_E_COUNT, NULL, 0, "8000000 vertices cannot be"},
         {"Edges", "Kanten", BW_E_SYNTAX, "line", 12, "'Kanten' stands where Edges is due"},
         {"4 7\n0 6", "4 8\n0 6", BW_E_INDEX, "edge", 7, "index 8 is outside 0..7"},
