@@ -33,6 +33,7 @@ typedef struct {
     int effort;          /* 0..3: how long reduce searches for fewer blocks; 0 is the paper's order only */
     bw_quantize_range quantize;
     double scale;          /* size of the quantization: arcs as long as scale times their length in the map; 0: the coarsest */
+    bool fewest_hexes;     /* instead of scale: as few hexes as there can be */
     uint64_t target_hexes; /* not 0: instead of scale, the one that comes nearest to this number of hexes */
     double time_limit;     /* seconds for the search of one quantization */
     size_t scale_count;    /* more sizes, for a table in the report */

@@ -148,7 +148,8 @@ _Static_assert((int)BW_OPTION_SCALES == (int)BW_SCALES_MAX, "the report has a ro
 static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     if (options->quantize == BW_QUANTIZE_NONE) return BW_OK;
-    bw_quantize_options how = {.range = options->quantize, .scale = options->scale, .target_hexes = options->target_hexes,
+    bw_quantize_options how = {.range = options->quantize, .scale = options->scale, .fewest_hexes = options->fewest_hexes,
+                               .target_hexes = options->target_hexes,
                                .seconds = options->time_limit, .scale_count = options->scale_count};
     memcpy(how.scales, options->scales, sizeof how.scales);
     return bw_quantize(ctx, &state->cells, &state->complex, &how, &state->length, &state->report);
@@ -228,6 +229,9 @@ static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, 
         if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 1000000000)
             return bw_fail(ctx, BW_E_USAGE, "option target_hexes is an integer from 0 to 1000000000");
         o->target_hexes = (uint64_t)json_integer_value(value);
+    } else if (!strcmp(name, "fewest_hexes")) {
+        if (!json_is_boolean(value)) return bw_fail(ctx, BW_E_USAGE, "option fewest_hexes is true or false");
+        o->fewest_hexes = json_is_true(value);
     } else if (!strcmp(name, "time_limit")) {
         o->time_limit = json_number_value(value);
         if (!json_is_number(value) || !(o->time_limit >= 0 && o->time_limit <= 3600))
@@ -295,6 +299,8 @@ bw_status bw_options_from_json(bw_context *ctx, bw_options *options, const char 
         json_object_foreach(root, name, value) {
             if (status == BW_OK) status = set_option(ctx, options, name, value);
         }
+        if (status == BW_OK && options->fewest_hexes && options->target_hexes)
+            status = bw_fail(ctx, BW_E_USAGE, "options fewest_hexes and target_hexes are two sizes, a job has one");
     }
     json_decref(root);
     return status;

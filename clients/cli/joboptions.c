@@ -15,8 +15,8 @@ static json_t *numbers(const char *text) {
 }
 
 static const char *conflict(const cli_job_options *o) {
-    int sizes = (o->scale > 0) + o->coarsest + (o->target_hexes > 0);
-    if (sizes > 1) return "only one of --scale, --coarsest and --target-hexes says the size";
+    int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
+    if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
     if (!o->quantize && (sizes || o->scales || o->time_limit > 0))
         return "a size or time limit of the quantization wants --quantize positive";
     return NULL;
@@ -37,6 +37,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->effort) json_object_set_new(json, "effort", json_integer(o->effort[0] - '0'));
     if (o->quantize) json_object_set_new(json, "quantize", json_string(o->quantize));
     if (o->scale > 0 || o->coarsest) json_object_set_new(json, "scale", json_real(o->scale));
+    if (o->fewest_hexes) json_object_set_new(json, "fewest_hexes", json_true());
     if (o->target_hexes > 0) json_object_set_new(json, "target_hexes", json_integer(o->target_hexes));
     if (scales) json_object_set_new(json, "scales", scales);
     if (o->time_limit > 0) json_object_set_new(json, "time_limit", json_real(o->time_limit));

@@ -15,7 +15,7 @@ typedef struct {
     int64_t max_cells;           /* 0: not given */
     const char *quantize;        /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
-    bool coarsest;
+    bool coarsest, fewest_hexes;
     int64_t target_hexes;        /* 0: not given */
     const char *scales;          /* numbers between commas; NULL: not given */
     bool vtk, repair;
@@ -41,6 +41,8 @@ typedef struct {
      "their size: S times the length in the map (default 1)", 1e-9, 1e4},                                    \
     {"coarsest", 0, CLI_FLAG, offsetof(settings, job.coarsest), NULL,                                        \
      "their size: as small as can be", 0, 0},                                                                \
+    {"fewest-hexes", 0, CLI_FLAG, offsetof(settings, job.fewest_hexes), NULL,                                \
+     "their size: as few hexes as there can be", 0, 0},                                                      \
     {"target-hexes", 0, CLI_INTEGER, offsetof(settings, job.target_hexes), "N",                              \
      "their size: as near to N hexes as can be", 1, 1e9},                                                    \
     {"scales", 0, CLI_TEXT, offsetof(settings, job.scales), "S,S,...",                                       \

@@ -98,6 +98,7 @@ static const field fields[] = {
     REDUCED(COUNT, patches_removed),
     REDUCED(COUNT, blocks_farthest_first),
     QUANT(TEXT, range),
+    QUANT(TEXT, goal),
     QUANT(TEXT, status),
     QUANT(NUMBER, scale),
     QUANT(NUMBER, objective),

@@ -32,6 +32,7 @@ typedef struct {
 /* The integer lengths that were found. Objective: sum over arcs of (length - scale * input length)^2. */
 typedef struct {
     char range[16];  /* "positive", "nonnegative", "any" */
+    char goal[16];   /* "lengths", or "hexes": then objective, bound and heuristic are numbers of hexes */
     char status[16]; /* "optimal": nothing valid is better; "gap": it may be better by `gap`; "heuristic": not searched */
     double scale;    /* 0: the coarsest */
     double objective, bound, gap; /* bound: nothing valid is below it; gap: relative */

@@ -4,6 +4,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "quantize/fewest.h"
+
 enum { BISECTIONS = 40 };
 
 static double seconds_now(void) {
@@ -36,6 +38,17 @@ void bw_quantizer_close(bw_context *ctx, bw_quantizer *q) {
 bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, double seconds, bw_quant_result *result) {
     bw_quant_problem_set_scale(&q->problem, scale);
     return bw_quant_solve(ctx, &q->problem, &q->moves, &q->oracle, seconds, NULL, q->value, result);
+}
+
+bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result) {
+    bw_quant_result coarsest;
+    bw_status status = bw_quantizer_solve(ctx, q, 0, seconds, &coarsest);
+    double left = fmax(seconds - coarsest.seconds, 0);
+    if (status == BW_OK) status = bw_quant_fewest(ctx, &q->problem, &q->moves, &q->oracle, left, q->value, result);
+    if (status != BW_OK) return status;
+    result->rounds += coarsest.rounds, result->rows += coarsest.rows, result->nodes += coarsest.nodes;
+    result->seconds += coarsest.seconds, result->seconds_separation += coarsest.seconds_separation;
+    return BW_OK;
 }
 
 /* ---- a number of hexes ---- */

@@ -29,6 +29,9 @@ bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, dou
  * near. Nearer ones that no scale is best for are tried as well, from there. *scale and *result: of the nearest one found. */
 bw_status bw_quantizer_aim(bw_context *ctx, bw_quantizer *q, uint64_t hexes, double seconds, double *scale, bw_quant_result *result);
 
+/* The quantization of fewest hexes (fewest.h); of several one near the coarsest. In *result objective, bound and heuristic are numbers of hexes. */
+bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result);
+
 typedef struct {
     uint64_t hexes, zero_arcs, negative_arcs;
     double distortion; /* root mean square of length - scale * input length over arcs, relative to that of scale * input length; 0 at scale 0 */

@@ -254,7 +254,7 @@ bw_status bw_quant_solve(bw_context *ctx, bw_quant_problem *p, const bw_quant_mo
     uint64_t rounds = oracle->rounds;
     double separation = oracle->seconds;
     *result = (bw_quant_result){.status = BW_QUANT_HEURISTIC};
-    bw_status status = bw_quant_heuristic(ctx, p, moves, oracle, start, value);
+    bw_status status = bw_quant_heuristic(ctx, p, moves, oracle, seconds <= 0, start, value);
     if (status == BW_OK) status = bw_quant_problem_bound(ctx, p, &result->simple_bound);
     if (status != BW_OK) return status;
     result->heuristic = result->objective = bw_quant_problem_objective(p, value);
@@ -262,6 +262,10 @@ bw_status bw_quant_solve(bw_context *ctx, bw_quant_problem *p, const bw_quant_mo
     double slack = BW_PROGRAM_EPSILON * (1 + result->objective);
     if (result->objective - result->bound <= slack) result->status = BW_QUANT_OPTIMAL;
     else if (seconds > 0) status = branch(ctx, p, oracle, seconds, value, result);
+    if (status == BW_OK && result->status == BW_QUANT_GAP) { /* out of time: what can be done without linear programs */
+        status = bw_quant_heuristic(ctx, p, moves, oracle, true, value, value);
+        result->objective = bw_quant_problem_objective(p, value);
+    }
     if (result->status == BW_QUANT_OPTIMAL || result->bound > result->objective) result->bound = result->objective;
     result->rounds = oracle->rounds - rounds;
     result->rows = p->rows.count - rows;

@@ -54,9 +54,12 @@ static bw_status find_lengths(bw_context *ctx, bw_quantizer *q, const bw_quantiz
     bw_report_quantization *out = &report->quantization;
     bw_quant_result result;
     double scale = options->scale;
-    bw_status status = options->target_hexes ? bw_quantizer_aim(ctx, q, options->target_hexes, options->seconds, &scale, &result)
-                                             : bw_quantizer_solve(ctx, q, scale, options->seconds, &result);
+    bw_status status = options->fewest_hexes   ? bw_quantizer_fewest(ctx, q, options->seconds, &result)
+                       : options->target_hexes ? bw_quantizer_aim(ctx, q, options->target_hexes, options->seconds, &scale, &result)
+                                               : bw_quantizer_solve(ctx, q, scale, options->seconds, &result);
     if (status != BW_OK) return status;
+    if (options->fewest_hexes) scale = 0;
+    snprintf(out->goal, sizeof out->goal, "%s", options->fewest_hexes ? "hexes" : "lengths");
     report_result(q, scale, &result, out);
     out->target_hexes = options->target_hexes;
     double miss = (double)out->hexes - (double)options->target_hexes;

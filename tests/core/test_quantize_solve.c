@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "quantize/solve.h"
+#include "quantize/quantizer.h"
 
 static uint64_t seed;
 
@@ -66,6 +66,27 @@ static double enumerate(const bw_quant_problem *p, const secret *s, int span, bo
         size_t f = 0;
         while (f < n && x[f] == low[f] + 2 * span) x[f] = low[f], f++;
         if (f == n) break;
+        x[f]++;
+    }
+    free(value);
+    return best;
+}
+
+/* The fewest hexes over unknowns in 0 .. span; as enumerate. */
+static double enumerate_hexes(const bw_quant_problem *p, const secret *s, int span) {
+    const bw_quant_model *m = p->model;
+    int64_t x[8] = {0}, *value = malloc(m->class_count * sizeof *value);
+    double best = INFINITY;
+    for (;;) {
+        bw_quant_model_expand(m, x, value);
+        double hexes = (double)bw_quant_model_hexes(m, value);
+        if (hexes < best && bw_quant_problem_allows(p, value)) {
+            bw_quant_model_lengths(m, value, p->length);
+            if (bw_constraint_first_broken(&s->list, p->length) == s->list.count) best = hexes;
+        }
+        size_t f = 0;
+        while (f < m->free_count && x[f] == span) x[f++] = 0;
+        if (f == m->free_count) break;
         x[f]++;
     }
     free(value);
@@ -136,6 +157,46 @@ static void optima_are_those_of_enumeration(void **state) {
     assert_true(compared >= 200 && proven_by_simple_bound < compared && learnt >= 50);
 }
 
+static void fewest_hexes_are_those_of_enumeration(void **state) {
+    (void)state;
+    size_t count;
+    int tried = 0;
+    const bw_model_info *models = bw_model_list(&count);
+    seed = 23;
+    print_message("seed %d\n", (int)seed);
+    for (size_t i = 0; i < count; i++) {
+        reducible r;
+        bw_model_options options = reduce_options_of(1, i);
+        reducible_open(&r, models[i].name, &options, BW_COMPLEX_MC, false);
+        for (int test = 0; test < 12; test++) {
+            secret s;
+            bw_quantizer q;
+            bw_quant_problem whole;
+            bw_quant_result result;
+            bw_quantize_range range = test % 2 ? BW_QUANTIZE_NONNEGATIVE : BW_QUANTIZE_POSITIVE;
+            make_secret(&r.ctx, &r.raw, range == BW_QUANTIZE_POSITIVE ? 0 : 4, &s);
+            bw_quant_oracle oracle = {.separate = range == BW_QUANTIZE_POSITIVE ? NULL : reveal, .user = &s};
+            kit_expect_ok(&r.ctx, bw_quantizer_open(&r.ctx, &r.raw, r.map.exponent, range, &oracle, &q));
+            if (q.model.free_count <= 6) {
+                kit_expect_ok(&r.ctx, bw_quant_problem_init(&r.ctx, &q.model, range, &whole));
+                kit_expect_ok(&r.ctx, bw_quantizer_fewest(&r.ctx, &q, 60, &result));
+                double expected = enumerate_hexes(&whole, &s, q.model.free_count > 5 ? 4 : 5);
+                assert_int_equal(result.status, BW_QUANT_OPTIMAL);
+                assert_true(result.objective == (double)bw_quantizer_figures(&q).hexes);
+                bw_quant_model_lengths(&q.model, q.value, whole.length);
+                assert_true(bw_constraint_first_broken(&s.list, whole.length) == s.list.count);
+                if (result.objective != expected) fail_msg("%s range %d: %g, by enumeration %g", r.name, range, result.objective, expected);
+                tried++;
+                bw_quant_problem_clear(&r.ctx, &whole);
+            }
+            bw_quantizer_close(&r.ctx, &q);
+            bw_constraint_clear(&r.ctx, &s.list);
+        }
+        reducible_close(&r);
+    }
+    assert_true(tried >= 60);
+}
+
 /* ---- larger models ---- */
 
 static void wider_ranges_are_never_worse_and_a_stopped_search_is_honest(void **state) {
@@ -179,6 +240,7 @@ static void wider_ranges_are_never_worse_and_a_stopped_search_is_honest(void **s
 
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(optima_are_those_of_enumeration),
+    cmocka_unit_test(fewest_hexes_are_those_of_enumeration),
     cmocka_unit_test(wider_ranges_are_never_worse_and_a_stopped_search_is_honest),
 };
 KIT_MAIN(tests)

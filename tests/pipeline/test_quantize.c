@@ -14,7 +14,7 @@ static const char *sample(const char *name) {
     bw_context_init(&ctx);
     bw_model_options options;
     bw_model_options_defaults(&options);
-    options.size = 2, options.noise = 0.5;
+    options.size = 1, options.noise = 0.5;
     bw_model model;
     const char *path = kit_temp_path("%s.hexex", name);
     kit_expect_ok(&ctx, bw_model_make(&ctx, name, &options, &model));
@@ -146,6 +146,21 @@ static void a_list_of_scales_gives_a_table(void **state) {
     outcome_clear(&o);
 }
 
+static void fewest_hexes_are_no_more_than_those_of_the_coarsest(void **state) {
+    (void)state;
+    static const char *const names[] = {"part", "bearing", "tee"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        outcome fewest = run(sample(names[i]), "{\"quantize\": \"positive\", \"fewest_hexes\": true}");
+        double hexes = number(fewest.found, "hexes");
+        assert_true(hexes == number(fewest.found, "objective") && hexes == number(fewest.found, "bound"));
+        assert_string_equal(json_string_value(json_object_get(fewest.found, "goal")), "hexes");
+        outcome_clear(&fewest);
+        outcome coarsest = run(sample(names[i]), "{\"quantize\": \"positive\", \"scale\": 0}");
+        assert_true(hexes <= number(coarsest.found, "hexes"));
+        outcome_clear(&coarsest);
+    }
+}
+
 static void a_search_without_time_says_so(void **state) {
     (void)state;
     outcome o = run(sample("bearing"), "{\"quantize\": \"positive\", \"time_limit\": 0, \"scale\": 0.37}");
@@ -162,6 +177,7 @@ int main(void) {
         cmocka_unit_test(without_a_request_there_are_no_lengths),
         cmocka_unit_test(a_number_of_hexes_is_come_near_to),
         cmocka_unit_test(a_list_of_scales_gives_a_table),
+        cmocka_unit_test(fewest_hexes_are_no_more_than_those_of_the_coarsest),
         cmocka_unit_test(a_search_without_time_says_so),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
