@@ -263,10 +263,10 @@ static int64_t whole_in_facet(const bw_cells *cells, const bw_cell_vertex *v, bw
         *sign = v->fraction >> axis & 1;
         return v->exact[axis];
     }
-    const bw_transition *t = &cells->map->transition[v->carrier];
-    int from = bw_rotation_axis[t->rotation][axis], turn = bw_rotation_sign[t->rotation][axis];
+    bw_transition t = bw_grid_map_across(cells->mesh, cells->map, v->carrier, cells->mesh->facet_tet[v->carrier][0]);
+    int from = bw_rotation_axis[t.rotation][axis], turn = bw_rotation_sign[t.rotation][axis];
     *sign = v->fraction >> from & 1 ? turn : 0;
-    return turn * v->exact[from] + t->shift[axis];
+    return turn * v->exact[from] + t.shift[axis];
 }
 
 static size_t print_in_facet(bw_points *points, bw_point point, bw_tet tet, int axis, char *text) {

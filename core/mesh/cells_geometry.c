@@ -23,7 +23,7 @@ static bw_tet home_of(const bw_cells *cells, bw_facet facet) { return cells->mes
 bw_plane bw_cells_plane_at_home(const bw_cells *cells, bw_facet facet, bw_tet tet, bw_plane plane, int *sign) {
     *sign = 1;
     if (tet == home_of(cells, facet)) return plane;
-    bw_transition in = bw_transition_inverse(&cells->map->transition[facet]);
+    bw_transition in = bw_grid_map_across(cells->mesh, cells->map, facet, tet);
     bw_plane home = bw_transition_plane(&in, plane);
     *sign = bw_rotation_sign[in.rotation][home.axis];
     return home;
@@ -161,7 +161,8 @@ bw_plane bw_cells_polygon_plane(const bw_cells *cells, bw_polygon polygon, bw_te
     const bw_cell_polygon *p = &cells->polygon[polygon];
     bw_plane plane = {p->value, p->axis};
     if (p->kind == BW_IN_TET || p->axis < 0 || tet == home_of(cells, p->carrier)) return plane;
-    return bw_transition_plane(&cells->map->transition[p->carrier], plane);
+    bw_transition out = bw_grid_map_across(cells->mesh, cells->map, p->carrier, home_of(cells, p->carrier));
+    return bw_transition_plane(&out, plane);
 }
 
 int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {
@@ -182,7 +183,7 @@ int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {
     for (int i = 1; i < 3; i++)
         if (normal[(b + i) % 3] == 0) axis = (b + i) % 3;
     if (axis < 0 || tet == home_of(cells, e->carrier)) return axis;
-    return bw_transition_plane(&cells->map->transition[e->carrier], (bw_plane){0, (int8_t)axis}).axis;
+    return bw_rotation_image[cells->map->rotation[e->carrier]][axis];
 }
 
 bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e) {
@@ -217,11 +218,11 @@ int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int
         *fraction = v->fraction >> axis & 1;
         return v->exact[axis];
     }
-    const bw_transition *out = &cells->map->transition[v->carrier];
-    int from = bw_rotation_axis[out->rotation][axis];
+    bw_transition out = bw_grid_map_across(cells->mesh, cells->map, v->carrier, home_of(cells, v->carrier));
+    int from = bw_rotation_axis[out.rotation][axis];
     *fraction = v->fraction >> from & 1;
-    if (bw_rotation_sign[out->rotation][axis] > 0) return v->exact[from] + out->shift[axis];
-    return -v->exact[from] - *fraction + out->shift[axis];
+    if (bw_rotation_sign[out.rotation][axis] > 0) return v->exact[from] + out.shift[axis];
+    return -v->exact[from] - *fraction + out.shift[axis];
 }
 
 unsigned bw_cells_locate(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int64_t out[3]) {
@@ -245,9 +246,11 @@ unsigned bw_cells_locate(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, i
         }
         return fractions;
     }
+    bw_transition t = bw_grid_map_across(cells->mesh, cells->map, v->carrier, home_of(cells, v->carrier));
     for (int k = 0; k < 3; k++) {
-        out[k] = bw_cells_floor(cells, vertex, tet, k, &fraction);
-        fractions |= (unsigned)fraction << k;
+        int from = bw_rotation_axis[t.rotation][k], part = v->fraction >> from & 1;
+        out[k] = t.shift[k] + (bw_rotation_sign[t.rotation][k] > 0 ? v->exact[from] : -v->exact[from] - part);
+        fractions |= (unsigned)part << k;
     }
     return fractions;
 }
@@ -265,14 +268,13 @@ static void facet_parameter(const bw_cells *cells, const bw_cell_vertex *v, bw_t
         mpq_set_si(out[r], corner[r], 1);
         mpq_add(home[r], home[r], out[r]);
     }
-    const bw_transition *t = &cells->map->transition[v->carrier];
-    bool away = tet != home_of(cells, v->carrier);
+    bw_transition t = {{0, 0, 0}, 0};
+    if (tet != home_of(cells, v->carrier)) t = bw_grid_map_across(cells->mesh, cells->map, v->carrier, home_of(cells, v->carrier));
     for (int k = 0; k < 3; k++) {
-        mpq_set(out[k], home[away ? bw_rotation_axis[t->rotation][k] : k]);
-        if (!away) continue;
-        if (bw_rotation_sign[t->rotation][k] < 0) mpq_neg(out[k], out[k]);
+        mpq_set(out[k], home[bw_rotation_axis[t.rotation][k]]);
+        if (bw_rotation_sign[t.rotation][k] < 0) mpq_neg(out[k], out[k]);
         mpz_t shift;
-        mpz_init_set_si(shift, t->shift[k]);
+        mpz_init_set_si(shift, t.shift[k]);
         mpz_addmul(mpq_numref(out[k]), mpq_denref(out[k]), shift);
         mpz_clear(shift);
     }

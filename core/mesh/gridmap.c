@@ -8,7 +8,7 @@
 
 void bw_grid_map_clear(bw_context *ctx, bw_grid_map *map) {
     bw_free(ctx, map->value);
-    bw_free(ctx, map->transition);
+    bw_free(ctx, map->rotation);
     bw_free(ctx, map->align);
     bw_free(ctx, map->quarters);
     bw_free(ctx, map->edge_flags);
@@ -16,7 +16,14 @@ void bw_grid_map_clear(bw_context *ctx, bw_grid_map *map) {
 }
 
 bw_transition bw_grid_map_across(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_facet facet, bw_tet from) {
-    return mesh->facet_tet[facet][0] == from ? map->transition[facet] : bw_transition_inverse(&map->transition[facet]);
+    bw_vertex v = mesh->facet[facet][0];
+    bw_tet to = bw_tet_across(mesh, facet, from);
+    const int64_t *x = map->value[from][bw_tet_corner(mesh, from, v)], *y = map->value[to][bw_tet_corner(mesh, to, v)];
+    bw_rotation r = mesh->facet_tet[facet][0] == from ? map->rotation[facet] : bw_rotation_inverse(map->rotation[facet]);
+    bw_transition t = {.rotation = r};
+    bw_rotate(r, x, t.shift);
+    for (int k = 0; k < 3; k++) t.shift[k] = y[k] - t.shift[k];
+    return t;
 }
 
 static void difference(const int64_t a[3], const int64_t b[3], int64_t out[3]) {
@@ -57,17 +64,15 @@ static void facet_values(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_fac
         memcpy(out[i], map->value[t][bw_tet_corner(mesh, t, mesh->facet[f][i])], sizeof out[i]);
 }
 
-/* The transition that carries a[i] to b[i] for i = 0..2, if there is one. It is unique: the corners are not collinear. */
-static bool find_transition(int64_t a[3][3], int64_t b[3][3], bw_transition *out) {
+/* The rotation of the transition that carries a[i] to b[i] for i = 0..2, if there is one. It is unique: the corners are not collinear. */
+static bool find_rotation(int64_t a[3][3], int64_t b[3][3], bw_rotation *out) {
     int64_t p[2][3], q[2][3];
     for (int i = 0; i < 2; i++) difference(a[0], a[i + 1], p[i]), difference(b[0], b[i + 1], q[i]);
     for (bw_rotation r = 0; r < BW_ROTATIONS; r++) {
         int64_t turned[2][3];
         for (int i = 0; i < 2; i++) bw_rotate(r, p[i], turned[i]);
         if (memcmp(turned, q, sizeof q)) continue;
-        out->rotation = r;
-        bw_rotate(r, a[0], out->shift);
-        for (int k = 0; k < 3; k++) out->shift[k] = b[0][k] - out->shift[k];
+        *out = r;
         return true;
     }
     return false;
@@ -83,7 +88,7 @@ static bw_status derive_facets(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid
         bool bad;
         if (t[1] != BW_NONE) {
             facet_values(mesh, map, (bw_facet)f, t[1], b);
-            bad = !find_transition(a, b, &map->transition[f]);
+            bad = !find_rotation(a, b, &map->rotation[f]);
             torn += bad;
         } else {
             for (int8_t k = 0; k < 3; k++)
@@ -248,8 +253,8 @@ static bw_status derive_features(bw_context *ctx, const bw_tet_mesh *mesh, bw_gr
 }
 
 bw_status bw_grid_map_derive(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_map *map) {
-    bw_free(ctx, map->transition), bw_free(ctx, map->align), bw_free(ctx, map->quarters), bw_free(ctx, map->edge_flags);
-    map->transition = bw_alloc(ctx, mesh->facet_count, sizeof *map->transition);
+    bw_free(ctx, map->rotation), bw_free(ctx, map->align), bw_free(ctx, map->quarters), bw_free(ctx, map->edge_flags);
+    map->rotation = bw_alloc(ctx, mesh->facet_count, sizeof *map->rotation);
     map->align = bw_alloc(ctx, mesh->facet_count, sizeof *map->align);
     map->quarters = bw_alloc(ctx, mesh->edge_count, sizeof *map->quarters);
     map->edge_flags = bw_alloc(ctx, mesh->edge_count, sizeof *map->edge_flags);
