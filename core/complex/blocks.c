@@ -2,81 +2,105 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-/* Disjoint sets of cells; a root is the lowest cell of its set. chart[i] leads from the chart of cell i to that of its parent. */
+/* A flood through the cells of one block after the other. Neighbouring tets mostly have the same chart, so cells share theirs. */
 typedef struct {
-    bw_cell *parent;
-    bw_transition *chart;
-    uint8_t *twisted; /* [cell]: reached with two different charts */
-} forest;
+    bw_build *b;
+    bw_cell *stack;
+    size_t count, room, chart_room, block_room;
+    uint8_t *done; /* [cell]: all its neighbours were looked at */
+} flood;
 
-/* The root of a cell, which becomes its parent; *chart leads to the root's chart. */
-static bw_cell find(forest *f, bw_cell x, bw_transition *chart) {
-    bw_cell root = x;
-    *chart = (bw_transition){{0, 0, 0}, 0};
-    for (; f->parent[root] != root; root = f->parent[root]) *chart = bw_transition_compose(&f->chart[root], chart);
-    bw_transition rest = *chart;
-    for (bw_cell next; f->parent[x] != root && x != root; x = next) {
-        bw_transition back = bw_transition_inverse(&f->chart[x]);
-        next = f->parent[x];
-        f->parent[x] = root;
-        f->chart[x] = rest;
-        rest = bw_transition_compose(&rest, &back);
-    }
-    return root;
-}
-
-/* Joins two cells that no wall separates. `across` leads from the chart of b to that of a. */
-static void join(forest *f, bw_cell a, bw_cell b, const bw_transition *across) {
-    bw_transition up[2], direct;
-    bw_cell root[2] = {find(f, a, &up[0]), find(f, b, &up[1])};
-    direct = bw_transition_compose(&up[0], across); /* from the chart of b to that of a's root */
-    if (root[0] == root[1]) {
-        if (!bw_transition_equal(&direct, &up[1])) f->twisted[a] = 1;
-        return;
-    }
-    bw_transition back = bw_transition_inverse(&up[1]);
-    direct = bw_transition_compose(&direct, &back);
-    int low = root[0] < root[1] ? 0 : 1;
-    f->parent[root[!low]] = root[low];
-    f->chart[root[!low]] = low == 0 ? direct : bw_transition_inverse(&direct);
-}
-
-/* Numbers the blocks by their lowest cells, and carries every cell's chart to that of the lowest. */
-static bw_status number_blocks(bw_build *b, const forest *f) {
-    bw_complex *x = b->complex;
-    for (size_t i = 0; i < x->cell_count; i++) {
-        bw_cell parent = f->parent[i]; /* lower, and done */
-        x->cell_block[i] = parent == (bw_cell)i ? (bw_block)x->block_count++ : x->cell_block[parent];
-        if (parent != (bw_cell)i) f->chart[i] = bw_transition_compose(&f->chart[parent], &f->chart[i]);
-    }
-    b->not_cuboid = bw_alloc(b->ctx, x->block_count, 1);
-    if (!b->not_cuboid) return b->ctx->error.status;
-    for (size_t i = 0; i < x->cell_count; i++) b->not_cuboid[x->cell_block[i]] |= f->twisted[i];
+static bw_status new_chart(flood *f, const bw_transition *chart, bw_cell cell) {
+    bw_complex *x = f->b->complex;
+    bw_status status = bw_reserve(f->b->ctx, &x->chart, &f->chart_room, x->chart_count + 1);
+    if (status != BW_OK) return status;
+    x->cell_chart[cell] = (int32_t)x->chart_count;
+    x->chart[x->chart_count++] = *chart;
     return BW_OK;
 }
 
-/* Cells that no wall separates are one block; if they give some cell two different charts it is a torus (or worse): not_cuboid. */
-static bw_status lay_out(bw_build *b) {
-    const bw_cells *c = b->cells;
-    forest f = {bw_alloc(b->ctx, c->cell_count, sizeof *f.parent), b->complex->cell_chart, bw_alloc(b->ctx, c->cell_count, 1)};
-    bw_status status = b->ctx->error.status;
-    for (size_t i = 0; i < c->cell_count && status == BW_OK; i++) f.parent[i] = (bw_cell)i;
-    for (size_t i = 0; i < c->mesh->facet_count && status == BW_OK; i++) {
-        if (c->of_facet[i] != BW_NONE) continue;
-        const bw_tet *side = c->mesh->facet_tet[i];
-        bw_transition across = bw_grid_map_across(c->mesh, c->map, (bw_facet)i, side[1]);
-        join(&f, side[0], side[1], &across);
-        if (i % 65536 == 0) status = bw_poll(b->ctx);
+static bw_status enter(flood *f, bw_cell cell, bw_block block) {
+    bw_status status = bw_reserve(f->b->ctx, &f->stack, &f->room, f->count + 1);
+    if (status != BW_OK) return status;
+    f->b->complex->cell_block[cell] = block;
+    f->stack[f->count++] = cell;
+    return BW_OK;
+}
+
+/* From a cell to its neighbour, unless that had its turn; `facet` is between them, BW_NONE if they are in one tet. A block in which a cell can
+ * have two different charts is a torus (or worse): not_cuboid. */
+static bw_status reach(flood *f, bw_cell from, bw_cell to, bw_facet facet) {
+    const bw_cells *c = f->b->cells;
+    bw_complex *x = f->b->complex;
+    if (f->done[to]) return BW_OK;
+    bw_block block = x->cell_block[from];
+    bool known = x->cell_block[to] != BW_NONE;
+    bw_status status = known ? BW_OK : enter(f, to, block);
+    if (status != BW_OK) return status;
+    bw_transition chart = *bw_complex_chart(x, from);
+    if (facet != BW_NONE) {
+        bw_transition back = bw_grid_map_across(c->mesh, c->map, facet, bw_cells_tet(c, to));
+        if (bw_transition_is_identity(&back)) facet = BW_NONE;
+        else chart = bw_transition_compose(&chart, &back);
     }
-    for (size_t p = 0; p < c->polygon_count && status == BW_OK; p++) {
+    if (!known && facet != BW_NONE) return new_chart(f, &chart, to);
+    if (!known) x->cell_chart[to] = x->cell_chart[from];
+    else if ((facet != BW_NONE || x->cell_chart[to] != x->cell_chart[from]) && !bw_transition_equal(&chart, bw_complex_chart(x, to)))
+        f->b->not_cuboid[block] = 1;
+    return BW_OK;
+}
+
+/* To all neighbours across the leaves of a facet's polygon that are no walls. */
+static bw_status reach_across_parts(flood *f, bw_cell from, bw_polygon p) {
+    const bw_cells *c = f->b->cells;
+    bw_status status = BW_OK;
+    if (bw_cells_polygon_is_leaf(c, p))
+        return c->polygon[p].flags & BW_WALL ? BW_OK : reach(f, from, bw_cells_across(c, p, from), c->polygon[p].carrier);
+    for (int i = 0; i < 2 && status == BW_OK; i++) status = reach_across_parts(f, from, bw_cells_polygon_part(c, p, i));
+    return status;
+}
+
+static bw_status reach_from(flood *f, bw_cell cell) {
+    const bw_cells *c = f->b->cells;
+    bw_status status = BW_OK;
+    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
         const bw_cell_polygon *q = &c->polygon[p];
-        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || q->flags & BW_WALL) continue;
-        bw_transition across = bw_cells_transition(c, (bw_polygon)p, q->cell[1]);
-        join(&f, q->cell[0], q->cell[1], &across);
-        if (p % 65536 == 0) status = bw_poll(b->ctx);
+        if (!(q->flags & BW_WALL)) status = reach(f, cell, bw_cells_across(c, p, cell), q->kind == BW_IN_FACET ? q->carrier : BW_NONE);
     }
-    if (status == BW_OK) status = number_blocks(b, &f);
-    bw_free(b->ctx, f.parent), bw_free(b->ctx, f.twisted);
+    for (int i = 0; i < 4 && !bw_cells_is_open(c, cell) && status == BW_OK; i++) {
+        bw_facet facet = c->mesh->tet_facet[cell][i];
+        bw_polygon p = c->of_facet[facet];
+        if (p == BW_NONE) status = reach(f, cell, bw_tet_across(c->mesh, facet, cell), facet);
+        else status = reach_across_parts(f, cell, p);
+    }
+    f->done[cell] = 1;
+    return status;
+}
+
+static bw_status flood_block(flood *f, bw_cell lowest) {
+    const bw_transition identity = {{0, 0, 0}, 0};
+    bw_build *b = f->b;
+    bw_block block = (bw_block)b->complex->block_count++;
+    bw_status status = bw_reserve(b->ctx, &b->not_cuboid, &f->block_room, b->complex->block_count);
+    if (status == BW_OK) status = new_chart(f, &identity, lowest);
+    if (status == BW_OK) status = enter(f, lowest, block);
+    for (size_t steps = 1; f->count && status == BW_OK; steps++) {
+        status = reach_from(f, f->stack[--f->count]);
+        if (steps % 65536 == 0 && status == BW_OK) status = bw_poll(b->ctx);
+    }
+    return status;
+}
+
+/* Cells that no wall separates are one block; blocks are numbered by their lowest cells, whose charts they have. */
+static bw_status lay_out(bw_build *b) {
+    bw_complex *x = b->complex;
+    flood f = {.b = b, .done = bw_alloc(b->ctx, x->cell_count, 1)};
+    bw_status status = b->ctx->error.status;
+    for (size_t i = 0; i < x->cell_count && status == BW_OK; i++) x->cell_block[i] = BW_NONE;
+    for (size_t i = 0; i < x->cell_count && status == BW_OK; i++)
+        if (x->cell_block[i] == BW_NONE) status = flood_block(&f, (bw_cell)i);
+    if (status == BW_OK) status = bw_trim(b->ctx, &x->chart, &f.chart_room, x->chart_count);
+    bw_free(b->ctx, f.stack), bw_free(b->ctx, f.done);
     return status;
 }
 
@@ -86,7 +110,7 @@ static bool first_cell_is_below(const bw_cells *c, bw_polygon p) {
     if (q->kind == BW_IN_TET) return true;
     bw_tet home = c->mesh->facet_tet[q->carrier][0];
     for (int i = 0; i < 4; i++)
-        if (c->mesh->tet_facet[home][i] == q->carrier) return c->map->value[home][i][q->axis] < q->value;
+        if (c->mesh->tet_facet[home][i] == q->carrier) return c->map->value[home][i][q->axis] < c->map->value[home][(i + 1) % 4][q->axis];
     return true;
 }
 
@@ -102,7 +126,7 @@ static int find_side(const bw_build *b, bw_polygon polygon, int slot, int64_t *v
         plane = bw_transition_plane(&t, home);
         below ^= bw_rotation_sign[t.rotation][plane.axis] < 0;
     }
-    const bw_transition *chart = &b->complex->cell_chart[cell];
+    const bw_transition *chart = bw_complex_chart(b->complex, cell);
     bw_plane local = bw_transition_plane(chart, plane);
     below ^= bw_rotation_sign[chart->rotation][local.axis] < 0;
     *value = local.value;
@@ -132,6 +156,18 @@ static void find_boxes(bw_build *b) {
             if (b->low[i][k] >= b->high[i][k]) b->not_cuboid[i] = 1; /* no walls on a side leave MAX and MIN */
 }
 
+/* The low corners of the boxes become the origins of the blocks' charts. */
+static bw_status move_to_origin(bw_build *b) {
+    bw_complex *x = b->complex;
+    bw_block *block = bw_alloc(b->ctx, x->chart_count, sizeof *block);
+    if (!block) return b->ctx->error.status;
+    for (size_t i = 0; i < x->cell_count; i++) block[x->cell_chart[i]] = x->cell_block[i];
+    for (size_t i = 0; i < x->chart_count; i++)
+        for (int k = 0; k < 3 && !b->not_cuboid[block[i]]; k++) x->chart[i].shift[k] -= b->low[block[i]][k];
+    bw_free(b->ctx, block);
+    return BW_OK;
+}
+
 bw_status bw_build_blocks(bw_build *b) {
     bw_complex *x = b->complex;
     x->cell_count = b->cells->cell_count;
@@ -148,15 +184,11 @@ bw_status bw_build_blocks(bw_build *b) {
     find_boxes(b);
     for (size_t i = 0; i < x->block_count; i++)
         for (int k = 0; k < 3 && !b->not_cuboid[i]; k++) x->block_extent[i][k] = b->high[i][k] - b->low[i][k];
-    for (size_t i = 0; i < b->cells->cell_count; i++) { /* the low corner becomes the origin */
-        bw_block block = x->cell_block[i];
-        for (int k = 0; k < 3 && !b->not_cuboid[block]; k++) x->cell_chart[i].shift[k] -= b->low[block][k];
-    }
-    return BW_OK;
+    return move_to_origin(b);
 }
 
 void bw_build_locate(const bw_build *b, bw_cvertex vertex, bw_cell cell, int64_t out[3], bool exact[3]) {
-    const bw_transition *chart = &b->complex->cell_chart[cell];
+    const bw_transition *chart = bw_complex_chart(b->complex, cell);
     for (int k = 0; k < 3; k++) {
         int axis = bw_rotation_axis[chart->rotation][k];
         bool fraction;

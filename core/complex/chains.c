@@ -54,8 +54,8 @@ static bw_status place(bw_build *b, bw_arc a, bw_cell cell, placement *out) {
     bw_tet tet = bw_cells_tet(c, cell);
     int local = bw_cells_edge_axis(c, e, tet);
     if (local < 0) return bw_fail(b->ctx, BW_E_CHECK, "arc %d is not parallel to an axis", a);
-    bw_plane turned = bw_transition_plane(&x->cell_chart[cell], (bw_plane){0, (int8_t)local});
-    int sign = bw_rotation_sign[x->cell_chart[cell].rotation][turned.axis] * bw_cells_compare_along(c, second, first, tet, local);
+    bw_plane turned = bw_transition_plane(bw_complex_chart(x, cell), (bw_plane){0, (int8_t)local});
+    int sign = bw_rotation_sign[bw_complex_chart(x, cell)->rotation][turned.axis] * bw_cells_compare_along(c, second, first, tet, local);
     out->axis = turned.axis;
     out->reversed = sign < 0;
     out->start = out->at[out->axis] - (sign < 0 ? x->arc_length[a] : 0);

@@ -92,9 +92,9 @@ static bw_status check_block(const checker *k, size_t block) {
 
 /* Whether two neighbouring cells of a block have the same chart; `across` leads from that of cell[0] to that of cell[1]. */
 static bool same_chart(const bw_complex *x, const bw_cell cell[2], const bw_transition *across) {
-    bw_transition other = x->cell_chart[cell[1]];
+    bw_transition other = *bw_complex_chart(x, cell[1]);
     if (across) other = bw_transition_compose(&other, across);
-    return x->cell_block[cell[0]] == x->cell_block[cell[1]] && bw_transition_equal(&other, &x->cell_chart[cell[0]]);
+    return x->cell_block[cell[0]] == x->cell_block[cell[1]] && bw_transition_equal(&other, bw_complex_chart(x, cell[0]));
 }
 
 /* Neighbouring cells of a block have the same chart, and every wall polygon lies in a side of the box of its block. */
@@ -120,7 +120,7 @@ static bw_status check_charts(const checker *k) {
         for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) {
             bw_plane plane = bw_cells_polygon_plane(c, (bw_polygon)p, bw_cells_tet(c, q->cell[s]));
             if (plane.axis < 0) return VIOLATED(k, "wall polygon %zu is not aligned", p);
-            plane = bw_transition_plane(&x->cell_chart[q->cell[s]], plane);
+            plane = bw_transition_plane(bw_complex_chart(x, q->cell[s]), plane);
             if (plane.value != 0 && plane.value != x->block_extent[x->cell_block[q->cell[s]]][plane.axis])
                 return VIOLATED(k, "wall polygon %zu is in no side of block %d", p, x->cell_block[q->cell[s]]);
         }
@@ -130,7 +130,7 @@ static bw_status check_charts(const checker *k) {
 
 /* Whether a vertex lies in the box of the block of `cell`, one of its cells. */
 static bool is_inside(const checker *k, bw_cell cell, bw_cvertex vertex) {
-    const bw_transition *chart = &k->x->cell_chart[cell];
+    const bw_transition *chart = bw_complex_chart(k->x, cell);
     const int64_t *extent = k->x->block_extent[k->x->cell_block[cell]];
     int64_t at[3];
     unsigned fractions = bw_cells_locate(k->cells, vertex, bw_cells_tet(k->cells, cell), at);
@@ -151,8 +151,9 @@ static bw_status check_inside(const checker *k) {
         const bw_cell_edge *e = &c->edge[k->x->arc_edge[i]];
         bw_half h = e->half;
         do {
-            for (int s = 0; s < 4; s++) {
-                bw_cell cell = c->polygon[c->half[h].polygon].cell[s >> 1];
+            const bw_cell_polygon *p = &c->polygon[c->half[h].polygon]; /* all cells up to the next wall have the wall's chart */
+            for (int s = 0; s < 4 && p->flags & BW_WALL; s++) {
+                bw_cell cell = p->cell[s >> 1];
                 if (cell != BW_NONE && !is_inside(k, cell, e->vertex[s & 1]))
                     return VIOLATED(k, "an arc around block %d leaves its box in cell %d", k->x->cell_block[cell], cell);
             }

@@ -9,7 +9,7 @@ void bw_complex_clear(bw_context *ctx, bw_complex *x) {
                       x->arc_edge_begin, x->arc_edge, x->patch_block, x->patch_side, x->patch_extent, x->patch_low, x->patch_distance,
                       x->patch_flags, x->patch_polygon_begin, x->patch_polygon, x->patch_chain_begin, x->patch_chain,
                       x->patch_corner, x->block_extent, x->block_corner, x->block_side_begin, x->block_side,
-                      x->block_edge_begin, x->block_edge, x->cell_block, x->cell_chart};
+                      x->block_edge_begin, x->block_edge, x->cell_block, x->cell_chart, x->chart};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
     memset(x, 0, sizeof *x);
 }

@@ -67,13 +67,20 @@ typedef struct {
     size_t *block_edge_begin;   /* [12 * block + edge]: arc uses from the low to the high end */
     bw_arc_use *block_edge;
     bw_block *cell_block;       /* [cell] */
-    bw_transition *cell_chart;  /* [cell]: from the tet's chart to the block's, whose low corner is the origin */
+    int32_t *cell_chart;        /* [cell]: its chart */
+    size_t chart_count;
+    bw_transition *chart;       /* [chart]: from the chart of a tet to that of a block, whose low corner is the origin; may repeat */
 
     size_t cell_count;          /* of the cell complex when this was built */
     size_t torus_splits;        /* blocks that were tori and got a wall */
 } bw_complex;
 
 void bw_complex_clear(bw_context *ctx, bw_complex *complex);
+
+/* From the chart of a cell's tet to that of its block. */
+static inline const bw_transition *bw_complex_chart(const bw_complex *complex, bw_cell cell) {
+    return &complex->chart[complex->cell_chart[cell]];
+}
 
 bw_node bw_arc_use_start(const bw_complex *complex, bw_arc_use use);
 bw_node bw_arc_use_end(const bw_complex *complex, bw_arc_use use);

@@ -4,6 +4,18 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
+/* Whether a wall at an edge is not part of a patch yet. */
+static bool has_free_wall(const bw_build *b, bw_cedge e) {
+    const bw_cells *c = b->cells;
+    bw_half head = c->edge[e].half, h = head;
+    do {
+        bw_polygon p = c->half[h].polygon;
+        if (c->polygon[p].flags & BW_WALL && b->polygon_patch[p] == BW_NONE) return true;
+        h = c->half[h].radial;
+    } while (h != head);
+    return false;
+}
+
 /* Grows a patch from one polygon across the edges that are no arcs, keeping its two sides apart. */
 static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *list, size_t *count) {
     const bw_cells *c = b->cells;
@@ -17,7 +29,7 @@ static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *
         do {
             bw_cedge e = c->half[h].edge;
             h = c->half[h].next;
-            if (b->edge_arc[e] != BW_NONE) continue;
+            if (b->edge_arc[e] != BW_NONE || !has_free_wall(b, e)) continue;
             int slot = b->polygon_slot[p];
             bool inside = c->polygon[p].cell[slot] != BW_NONE;
             if (!inside) slot = !slot;
@@ -40,7 +52,8 @@ static bw_status describe(bw_build *b, bw_patch patch) {
     x->patch_distance[patch] = INT64_MAX;
     for (size_t i = 0; i < n; i++) {
         const bw_cell_polygon *q = &c->polygon[list[i]];
-        if (q->distance < x->patch_distance[patch]) x->patch_distance[patch] = q->distance;
+        int64_t distance = bw_cells_distance(c, list[i]);
+        if (distance < x->patch_distance[patch]) x->patch_distance[patch] = distance;
         if (q->flags & BW_BOUNDARY) x->patch_flags[patch] |= BW_PATCH_BOUNDARY;
         if (q->flags & BW_FEATURE) x->patch_flags[patch] |= BW_PATCH_FEATURE;
         if (q->flags & BW_SPLIT) x->patch_flags[patch] |= BW_PATCH_TORUS;

@@ -92,9 +92,9 @@ static void list_rims(bw_reduction *r) {
 static bw_transition transition_across(const bw_cells *c, const bw_complex *x, bw_patch patch) {
     bw_polygon p = x->patch_polygon[x->patch_polygon_begin[patch]]; /* its cell[0] is on side 0 by construction */
     bw_cell inside = c->polygon[p].cell[0], outside = c->polygon[p].cell[1];
-    bw_transition in = bw_cells_transition(c, p, outside), out = bw_transition_inverse(&x->cell_chart[outside]);
+    bw_transition in = bw_cells_transition(c, p, outside), out = bw_transition_inverse(bw_complex_chart(x, outside));
     in = bw_transition_compose(&in, &out);
-    return bw_transition_compose(&x->cell_chart[inside], &in);
+    return bw_transition_compose(bw_complex_chart(x, inside), &in);
 }
 
 /* The rectangle of a patch in the chart of its first block: its first side starts at the low corner of its plane (chains.c). */

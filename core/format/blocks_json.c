@@ -21,7 +21,7 @@ static bool sees(const bw_cells *cells, const bw_complex *c, bw_cell cell, bw_po
     if (cell == BW_NONE || c->cell_block[cell] != block) return false;
     bw_plane plane = bw_cells_polygon_plane(cells, p, bw_cells_tet(cells, cell));
     if (plane.axis < 0) return false;
-    plane = bw_transition_plane(&c->cell_chart[cell], plane);
+    plane = bw_transition_plane(bw_complex_chart(c, cell), plane);
     return side == 2 * plane.axis + (plane.value != 0);
 }
 
@@ -38,10 +38,10 @@ bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *c, bw_patch patch
 bw_transition bw_patch_transition(const bw_cells *cells, const bw_complex *c, bw_patch patch) {
     bw_polygon p = c->patch_polygon[c->patch_polygon_begin[patch]];
     bw_cell from = bw_patch_cell(cells, c, patch, p, 0), to = bw_cells_across(cells, p, from);
-    bw_transition in = bw_transition_inverse(&c->cell_chart[from]),
+    bw_transition in = bw_transition_inverse(bw_complex_chart(c, from)),
                   across = bw_cells_transition(cells, p, from);
     bw_transition there = bw_transition_compose(&across, &in);
-    return bw_transition_compose(&c->cell_chart[to], &there);
+    return bw_transition_compose(bw_complex_chart(c, to), &there);
 }
 
 /* ---- values

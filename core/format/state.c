@@ -8,8 +8,8 @@
 /* All sizes, in a section of their own; they are read before anything else. */
 typedef struct {
     uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
-    uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell;
-    uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, torus_splits;
+    uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, section, distance;
+    uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, chart, torus_splits;
     int64_t exponent;
     uint8_t mirrored, has_cells, has_complex, has_length, unused[4];
 } counts;
@@ -55,6 +55,8 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
         FIELD("cell.polygon", s->cells.polygon, n->cell_polygon);
         FIELD("cell.first", s->cells.first, n->cell);
         FIELD("cell.tet", s->cells.cut_from, n->cell - n->tet);
+        FIELD("section", s->cells.section, n->section);
+        FIELD("distance", s->cells.distance, n->distance);
         FIELD("edge.whole", s->cells.of_edge, n->edge);
         FIELD("facet.whole", s->cells.of_facet, n->facet);
     }
@@ -86,6 +88,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("block.edge", s->complex.block_edge, n->block_edge);
     FIELD("cell.block", s->complex.cell_block, n->cell);
     FIELD("cell.chart", s->complex.cell_chart, n->cell);
+    FIELD("chart", s->complex.chart, n->chart);
     if (n->has_length) FIELD("arc.integer", s->length, n->arc);
     return k;
 }
@@ -104,12 +107,13 @@ static counts count_state(const bw_state *s) {
     if (s->has_cells) {
         n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
         n.cell_polygon = c->polygon_count, n.cell = c->cell_count;
+        n.section = c->section_count, n.distance = c->distance_count;
     }
     if (s->has_complex) {
         n.node = x->node_count, n.arc = x->arc_count, n.patch = x->patch_count, n.block = x->block_count;
         n.arc_edge = x->arc_edge_begin[n.arc], n.patch_polygon = x->patch_polygon_begin[n.patch];
         n.patch_chain = x->patch_chain_begin[4 * n.patch], n.block_side = x->block_side_begin[6 * n.block];
-        n.block_edge = x->block_edge_begin[12 * n.block], n.torus_splits = x->torus_splits;
+        n.block_edge = x->block_edge_begin[12 * n.block], n.chart = x->chart_count, n.torus_splits = x->torus_splits;
     }
     return n;
 }
@@ -126,9 +130,10 @@ static void set_counts(bw_state *s, const counts *n) {
     c->mesh = m, c->map = &s->map;
     c->vertex_count = c->vertex_room = n->cell_vertex, c->edge_count = c->edge_room = n->cell_edge;
     c->half_count = c->half_room = n->cell_half, c->polygon_count = c->polygon_room = n->cell_polygon;
+    c->section_count = c->section_room = n->section, c->distance_count = c->distance_room = n->distance;
     c->cell_count = c->cell_room = n->cell, c->cut_room = n->cell - (n->has_cells ? n->tet : 0);
     x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
-    x->torus_splits = n->torus_splits, x->cell_count = n->cell;
+    x->chart_count = n->chart, x->torus_splits = n->torus_splits, x->cell_count = n->cell;
 }
 
 void bw_state_init(bw_state *state) {

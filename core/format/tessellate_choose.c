@@ -45,15 +45,15 @@ static void view_clear(bw_context *ctx, view *w) {
     bw_free(ctx, w->plane_of), bw_free(ctx, w->bad), bw_free(ctx, w->saved), bw_free(ctx, w->slot);
 }
 
-static bool same_plane(const bw_cell_polygon *a, const bw_cell_polygon *b) {
+static bool same_plane(const bw_cells *cells, const bw_cell_polygon *a, const bw_cell_polygon *b) {
     if (a->kind != b->kind) return false;
     if (a->kind == BW_IN_FACET) return a->carrier == b->carrier;
-    return a->axis == b->axis && a->value == b->value;
+    return a->axis == b->axis && cells->section[a->carrier] == cells->section[b->carrier];
 }
 
 static int32_t plane_number(const bw_cells *cells, view *w, bw_polygon p) {
     for (size_t i = 0; i < w->polygons; i++)
-        if (same_plane(&cells->polygon[w->polygon[i].polygon], &cells->polygon[p]))
+        if (same_plane(cells, &cells->polygon[w->polygon[i].polygon], &cells->polygon[p]))
             return w->polygon[i].plane;
     return w->planes++;
 }

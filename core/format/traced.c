@@ -110,7 +110,7 @@ static void write_walls(writer *w) {
     for (size_t p = 0; p < w->cells->polygon_count; p++) {
         if (!w->t->size[p] || !(w->cells->polygon[p].flags & BW_WALL)) continue;
         bw_tessellation_triangles(w->t, (bw_polygon)p, w->triangle);
-        double distance = ldexp((double)w->cells->polygon[p].distance, -w->cells->map->exponent);
+        double distance = ldexp((double)bw_cells_distance(w->cells, (bw_polygon)p), -w->cells->map->exponent);
         for (int32_t i = 0; i < w->t->size[p] - 2; i++)
             bw_hexex_write_wall(&w->out, w->triangle[i], distance);
     }

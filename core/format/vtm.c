@@ -296,7 +296,7 @@ static void put_patch_data(writer *w, size_t polygons) {
             for (int side = 0; side < 2; side++) bw_vtm_int32(&w->file, x->patch_block[p][side]);
     bw_vtm_array(&w->file);
     for (size_t i = 0; i < polygons; i++)
-        bw_vtm_float64(&w->file, in_map(w, w->cells->polygon[x->patch_polygon[i]].distance));
+        bw_vtm_float64(&w->file, in_map(w, bw_cells_distance(w->cells, x->patch_polygon[i])));
     for (int all = 0; all < 2; all++) {
         bw_vtm_array(&w->file);
         for (size_t p = 0; p < x->patch_count; p++)

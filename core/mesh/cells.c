@@ -28,7 +28,7 @@ typedef struct bw_cut_face face;
 void bw_cells_clear(bw_context *ctx, bw_cells *cells) {
     bw_free(ctx, cells->vertex), bw_free(ctx, cells->edge), bw_free(ctx, cells->half);
     bw_free(ctx, cells->polygon), bw_free(ctx, cells->first), bw_free(ctx, cells->cut_from);
-    bw_free(ctx, cells->of_edge), bw_free(ctx, cells->of_facet);
+    bw_free(ctx, cells->section), bw_free(ctx, cells->distance), bw_free(ctx, cells->of_edge), bw_free(ctx, cells->of_facet);
     bw_free(ctx, cells->sign), bw_free(ctx, cells->face), bw_free(ctx, cells->corner);
     memset(cells, 0, sizeof *cells);
 }
@@ -40,6 +40,8 @@ bw_status bw_cells_trim(bw_context *ctx, bw_cells *c) {
     if (s == BW_OK) s = bw_trim(ctx, &c->polygon, &c->polygon_room, c->polygon_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->first, &c->cell_room, c->cell_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->cut_from, &c->cut_room, c->cell_count - c->mesh->tet_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->section, &c->section_room, c->section_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->distance, &c->distance_room, c->distance_count);
     bw_free(ctx, c->sign), bw_free(ctx, c->face), bw_free(ctx, c->corner);
     c->sign = NULL, c->face = NULL, c->corner = NULL;
     c->sign_room = c->face_room = c->corner_room = 0;
@@ -62,6 +64,7 @@ static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t
     if (s == BW_OK) s = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 2 * polygons + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->first, &c->cell_room, c->cell_count + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->cut_from, &c->cut_room, c->cell_count + 1 - c->mesh->tet_count);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->section, &c->section_room, c->section_count + 1);
     if (s == BW_OK) s = make_room_for_signs(ctx, c);
     if (s == BW_OK && (c->vertex_count > INT32_MAX / 4 || c->half_count > INT32_MAX / 4))
         s = bw_fail(ctx, BW_E_LIMIT, "the cut complex has more elements than a 32-bit index can name");
@@ -118,13 +121,13 @@ static bw_status add_halves(bw_context *ctx, bw_cells *c, bw_polygon p, bw_cvert
 static bw_cell_polygon uncut_facet(const bw_cells *c, bw_facet f) {
     const bw_tet_mesh *mesh = c->mesh;
     bool boundary = mesh->facet_tet[f][1] == BW_NONE;
-    bw_cell_polygon p = {.axis = -1, .carrier = f, .half = (bw_half)c->half_count, .parent = BW_NONE,
+    bw_cell_polygon p = {.axis = -1, .carrier = f, .half = (bw_half)c->half_count, .burnt = BW_NONE,
                          .cell = {mesh->facet_tet[f][0], mesh->facet_tet[f][1]}, .in_cell = {BW_NONE, BW_NONE},
                          .kind = BW_IN_FACET, .flags = boundary ? BW_WALL | BW_BOUNDARY : 0};
     const int64_t *x[3];
     for (int i = 0; i < 3; i++) x[i] = c->map->value[p.cell[0]][bw_tet_corner(mesh, p.cell[0], mesh->facet[f][i])];
     for (int8_t k = 0; k < 3; k++)
-        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p.axis = k, p.value = x[0][k];
+        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p.axis = k;
     return p;
 }
 
@@ -268,7 +271,6 @@ static bw_polygon split_polygon(bw_cells *c, bw_cell cell, bw_polygon p, const b
     c->polygon_count += 2;
     for (int i = 0; i < 2; i++) {
         c->polygon[part + i] = c->polygon[p];
-        c->polygon[part + i].parent = p;
         close_cycle(c, part + i, h[i], last[i], c->edge[e].vertex[!i], e);
     }
     bw_cell across = bw_cells_across(c, p, cell);
@@ -348,10 +350,15 @@ static bw_status split_crossed_edges(bw_context *ctx, bw_cells *c, const cut *k)
 
 /* The edge that the cut leaves in a polygon: it lies where the polygon lies, in one more plane. */
 static bw_cell_edge section_line(const bw_cells *c, const cut *k, bw_polygon p) {
-    bw_cell_edge line = {.kind = c->polygon[p].kind, .carrier = c->polygon[p].carrier, .half = BW_NONE, .child = BW_NONE};
+    bw_cell_edge line = {.kind = c->polygon[p].kind, .half = BW_NONE, .child = BW_NONE};
     int sign;
-    if (line.kind == BW_IN_TET) line.axis = (int8_t)(3 - c->polygon[p].axis - k->plane.axis);
-    else line.axis = bw_cells_plane_at_home(c, line.carrier, k->tet, k->plane, &sign).axis;
+    if (line.kind == BW_IN_TET) {
+        line.carrier = k->tet;
+        line.axis = (int8_t)(3 - c->polygon[p].axis - k->plane.axis);
+    } else {
+        line.carrier = c->polygon[p].carrier;
+        line.axis = bw_cells_plane_at_home(c, line.carrier, k->tet, k->plane, &sign).axis;
+    }
     return line;
 }
 
@@ -408,9 +415,10 @@ static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
         c->half[h].next = h + 1 < end ? h + 1 : begin;
         link_radial(c, h, c->half[h].edge);
     }
-    c->polygon[section] = (bw_cell_polygon){.value = k->plane.value, .axis = k->plane.axis, .carrier = k->tet, .half = begin,
-                                            .cell = {k->cell, other}, .in_cell = {BW_NONE, BW_NONE}, .parent = BW_NONE,
+    c->polygon[section] = (bw_cell_polygon){.axis = k->plane.axis, .carrier = (int32_t)c->section_count, .half = begin,
+                                            .cell = {k->cell, other}, .in_cell = {BW_NONE, BW_NONE}, .burnt = BW_NONE,
                                             .kind = BW_IN_TET};
+    c->section[c->section_count++] = k->plane.value;
     return section;
 }
 

@@ -66,14 +66,12 @@ enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds 
 enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */, BW_FEATURE = 8 };
 
 typedef struct {
-    int64_t value;         /* of its plane; see axis */
-    int64_t distance;      /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
-    int32_t carrier;       /* bw_facet or bw_tet */
+    int32_t carrier;       /* bw_facet; in a tet: the section that it is a part of */
     bw_half half;          /* any half-edge; BW_NONE if the polygon was split */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
     bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first; unused where the cell is not opened);
                               of one that was split in_cell[0] is the first of its two parts, which have consecutive numbers */
-    bw_polygon parent;     /* that it is a part of, or BW_NONE */
+    int32_t burnt;         /* index of its distance; BW_NONE if it did not burn: no wall, or the boundary */
     int8_t axis;           /* kind BW_IN_TET: of the iso-plane in the tet's chart; else -1 unless the facet is aligned, then chart of facet_tet[0] */
     uint8_t kind;          /* bw_carrier: BW_IN_FACET or BW_IN_TET */
     uint8_t flags;         /* BW_WALL, BW_BOUNDARY; children inherit */
@@ -89,9 +87,12 @@ typedef struct {
     bw_cell_polygon *polygon;
     bw_polygon *first;    /* [cell]: its first polygon; BW_NONE for a tet that is not opened */
     bw_tet *cut_from;     /* [cell - tet_count]: the tet that a cell made by a cut lies in */
+    int64_t *section;     /* [section]: every cut makes one; the value of its plane */
+    int64_t *distance;    /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
     bw_cedge *of_edge;    /* [mesh edge]: the whole edge as a complex edge; BW_NONE if none of its facets is a polygon */
     bw_polygon *of_facet; /* [facet]: the whole facet as a polygon, or BW_NONE */
-    size_t vertex_room, edge_room, half_room, polygon_room, cell_room, cut_room; /* capacities */
+    size_t section_count, distance_count;
+    size_t vertex_room, edge_room, half_room, polygon_room, cell_room, cut_room, section_room, distance_room; /* capacities */
     /* scratch of bw_cells_cut */
     int8_t *sign; /* [vertex]: its side in the running cut; 2 = not known */
     size_t sign_room;
@@ -142,6 +143,9 @@ static inline bw_polygon bw_cells_polygon_part(const bw_cells *cells, bw_polygon
     return cells->polygon[p].in_cell[0] + i;
 }
 static inline bw_cedge bw_cells_edge_part(const bw_cells *cells, bw_cedge e, int i) { return cells->edge[e].child + i; }
+static inline int64_t bw_cells_distance(const bw_cells *cells, bw_polygon p) {
+    return cells->polygon[p].burnt == BW_NONE ? 0 : cells->distance[cells->polygon[p].burnt];
+}
 /* Both vertices of a half-edge's edge other than its origin. */
 static inline bw_cvertex bw_cells_half_end(const bw_cells *cells, bw_half h) {
     return cells->half[cells->half[h].next].origin;

@@ -114,7 +114,7 @@ static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, b
     bw_tet tet = bw_cells_tet(c, cell);
     if (!bw_cells_polygon_is_leaf(c, polygon)) return violated(ctx, "a cell lists a polygon that was split", cell);
     if (p->cell[0] != cell && p->cell[1] != cell) return violated(ctx, "a cell lists a polygon that does not name it", cell);
-    if (p->kind == BW_IN_TET ? p->carrier != tet
+    if (p->kind == BW_IN_TET ? bw_cells_tet(c, p->cell[0]) != tet || bw_cells_tet(c, p->cell[1]) != tet
                              : c->mesh->facet_tet[p->carrier][0] != tet && c->mesh->facet_tet[p->carrier][1] != tet)
         return violated(ctx, "a cell and its polygon lie in different tets", cell);
     return BW_OK;
@@ -157,14 +157,15 @@ static int side_of(const struct located *v, int axis, int64_t value) {
  * polygon in it. */
 static bw_status check_convex(bw_context *ctx, const bw_cells *c, const scratch *s, bw_cell cell, bw_polygon polygon, const batch *at) {
     const bw_cell_polygon *p = &c->polygon[polygon];
+    int64_t value = c->section[p->carrier];
     int outside = p->cell[0] == cell ? 1 : -1;
     for (uint32_t i = 0; i < at->count; i++)
-        if (side_of(&at->vertex[i], p->axis, p->value) == outside)
+        if (side_of(&at->vertex[i], p->axis, value) == outside)
             return violated(ctx, "a cell's vertex lies beyond its plane", cell);
     bw_half h = p->half;
     do {
         uint32_t i = s->vertex_seen[c->half[h].origin] - at->first;
-        if (i < at->count && side_of(&at->vertex[i], p->axis, p->value))
+        if (i < at->count && side_of(&at->vertex[i], p->axis, value))
             return violated(ctx, "a polygon's vertex lies beside its plane", polygon);
         h = c->half[h].next;
     } while (h != p->half);
@@ -179,7 +180,7 @@ static bw_status check_whole(bw_context *ctx, const bw_cells *c, bw_tet tet) {
         bool boundary = c->mesh->facet_tet[f][1] == BW_NONE;
         if (p == BW_NONE && (boundary || bw_cells_is_open(c, tet))) return violated(ctx, "a facet is no polygon", f);
         if (p == BW_NONE) continue;
-        if (c->polygon[p].kind != BW_IN_FACET || c->polygon[p].carrier != f || c->polygon[p].parent != BW_NONE)
+        if (c->polygon[p].kind != BW_IN_FACET || c->polygon[p].carrier != f)
             return violated(ctx, "a facet's polygon is another's", f);
         if (boundary != ((c->polygon[p].flags & BW_BOUNDARY) != 0)) return violated(ctx, "a polygon is not marked as its facet", p);
     }

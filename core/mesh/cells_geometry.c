@@ -159,10 +159,11 @@ bw_cell_vertex bw_cells_crossing(const bw_cells *cells, bw_cedge edge, bw_tet te
 
 bw_plane bw_cells_polygon_plane(const bw_cells *cells, bw_polygon polygon, bw_tet tet) {
     const bw_cell_polygon *p = &cells->polygon[polygon];
-    bw_plane plane = {p->value, p->axis};
-    if (p->kind == BW_IN_TET || p->axis < 0 || tet == home_of(cells, p->carrier)) return plane;
-    bw_transition out = bw_grid_map_across(cells->mesh, cells->map, p->carrier, home_of(cells, p->carrier));
-    return bw_transition_plane(&out, plane);
+    if (p->kind == BW_IN_TET) return (bw_plane){cells->section[p->carrier], p->axis};
+    if (p->axis < 0) return (bw_plane){0, -1};
+    int8_t axis = p->axis;
+    if (tet != home_of(cells, p->carrier)) axis = bw_rotation_image[cells->map->rotation[p->carrier]][axis];
+    return (bw_plane){value_at(cells, tet, cells->mesh->facet[p->carrier][0])[axis], axis};
 }
 
 int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {

@@ -99,8 +99,11 @@ static uint8_t turn(bw_rotation r, uint8_t heading) {
  * one of its cells. */
 static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int64_t distance, uint8_t heading) {
     bw_cells *c = f->cells;
+    bw_status status = bw_reserve(f->ctx, &c->distance, &c->distance_room, c->distance_count + 1);
+    if (status != BW_OK) return status;
     c->polygon[p].flags |= (uint8_t)(BW_WALL | f->rules.flags);
-    c->polygon[p].distance = distance;
+    c->polygon[p].burnt = (int32_t)c->distance_count;
+    c->distance[c->distance_count++] = distance;
     if (c->polygon[p].cell[0] != cell) heading = turn(bw_cells_transition(c, p, cell).rotation, heading);
     bw_tet tet = bw_cells_tet(c, c->polygon[p].cell[0]);
     bw_cedge start = edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge;
@@ -111,7 +114,7 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
         if (e != edge && !bw_cells_edge_is_boundary(c, e) && !bw_cells_edge_is_singular(c, e)) {
             int64_t step = heading == EVERYWHERE ? step_between(c, start, e, tet) : lowest(c, e, tet, heading) - base;
             entry x = {.distance = distance + step, .age = f->age++, .edge = e, .from = p, .heading = heading};
-            bw_status status = push(f, x);
+            status = push(f, x);
             if (status != BW_OK) return status;
         }
         h = c->half[h].next;

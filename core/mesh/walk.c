@@ -62,17 +62,18 @@ static int face_side(const bw_cells *c, face f, bw_cedge edge, bw_tet tet, bw_pl
     __builtin_unreachable(); /* the third corner of the facet */
 }
 
-/* The cell beyond a face of `cell`, and the transition into its chart. */
-static bw_cell step(const bw_cells *c, face f, bw_cell cell, bw_transition *across) {
-    if (f.polygon == BW_NONE) {
-        *across = bw_grid_map_across(c->mesh, c->map, f.facet, cell);
-        return bw_tet_across(c->mesh, f.facet, cell);
-    }
-    *across = bw_cells_transition(c, f.polygon, cell);
-    return bw_cells_across(c, f.polygon, cell);
+/* The cell beyond a face of `cell`. */
+static bw_cell beyond(const bw_cells *c, face f, bw_cell cell) {
+    return f.polygon == BW_NONE ? bw_tet_across(c->mesh, f.facet, cell) : bw_cells_across(c, f.polygon, cell);
 }
 
-static bool is_in_facet(const bw_cells *c, face f) { return f.polygon == BW_NONE || c->polygon[f.polygon].kind == BW_IN_FACET; }
+/* Whether the chart changes across a face of `cell`; then *across is the transition. */
+static bool changes_chart(const bw_cells *c, face f, bw_cell cell, bw_transition *across) {
+    if (f.polygon != BW_NONE && c->polygon[f.polygon].kind == BW_IN_TET) return false;
+    bw_facet facet = f.polygon == BW_NONE ? f.facet : c->polygon[f.polygon].carrier;
+    *across = bw_grid_map_across(c->mesh, c->map, facet, bw_cells_tet(c, cell));
+    return true;
+}
 
 bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, int slot, uint8_t end, bw_continuation *out) {
     bw_cell cell = cells->polygon[from].cell[slot];
@@ -89,10 +90,10 @@ bool bw_walk_straight(const bw_cells *cells, bw_cedge edge, bw_polygon from, int
         if (!inside && at.polygon != BW_NONE && cells->polygon[at.polygon].flags & end) return false;
         if (side == 0 || inside) return true;
         first = side;
-        bool in_facet = is_in_facet(cells, at);
-        cell = step(cells, at, cell, &across);
+        bw_cell from_cell = cell;
+        cell = beyond(cells, at, cell);
         if (cell == BW_NONE) return false;
-        if (!in_facet) continue;
+        if (!changes_chart(cells, at, from_cell, &across)) continue;
         plane = bw_transition_plane(&across, plane);
         sense *= bw_rotation_sign[across.rotation][plane.axis];
         chart = bw_transition_compose(&across, &chart);
@@ -108,19 +109,17 @@ bw_polygon bw_walk_wall(const bw_cells *cells, bw_cedge edge, bw_polygon from, i
             *slot = cells->polygon[at.polygon].cell[0] != cell;
             return at.polygon;
         }
-        cell = step(cells, at, cell, &across);
-        if (plane) *plane = bw_transition_plane(&across, *plane);
+        if (plane && changes_chart(cells, at, cell, &across)) *plane = bw_transition_plane(&across, *plane);
+        cell = beyond(cells, at, cell);
     }
 }
 
 bw_polygon bw_walk_descendant(const bw_cells *cells, bw_polygon p, bw_cedge leaf) {
-    if (bw_cells_polygon_is_leaf(cells, p)) return p;
-    bw_half head = cells->edge[leaf].half, h = head;
-    do {
-        bw_polygon q = cells->half[h].polygon;
-        while (q != BW_NONE && q != p) q = cells->polygon[q].parent;
-        if (q == p) return cells->half[h].polygon;
-        h = cells->half[h].radial;
-    } while (h != head);
-    return BW_NONE;
+    if (bw_cells_polygon_is_leaf(cells, p)) {
+        bw_half head = cells->edge[leaf].half, h = head;
+        while (cells->half[h].polygon != p && (h = cells->half[h].radial) != head) {}
+        return cells->half[h].polygon == p ? p : BW_NONE;
+    }
+    bw_polygon found = bw_walk_descendant(cells, bw_cells_polygon_part(cells, p, 0), leaf);
+    return found == BW_NONE ? bw_walk_descendant(cells, bw_cells_polygon_part(cells, p, 1), leaf) : found;
 }

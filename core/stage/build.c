@@ -151,7 +151,7 @@ static start across_block(const bw_cells *c, const bw_complex *x, bw_block block
                         bw_cell cell = c->polygon[c->half[h].polygon].cell[s];
                         if (cell == BW_NONE || (size_t)cell >= x->cell_count || x->cell_block[cell] != block) continue;
                         start at = across_edge(c, e, cell);
-                        bw_plane turned = bw_transition_plane(&x->cell_chart[cell], at.plane);
+                        bw_plane turned = bw_transition_plane(bw_complex_chart(x, cell), at.plane);
                         if (at.length > best.length && turned.axis == axis) best = at;
                     }
                     h = c->half[h].radial;

@@ -7,8 +7,10 @@
 #include <string.h>
 
 /* Patch visits that a search may spend, by effort; runs = budget / patches, within these bounds. */
-static const uint64_t budget[4] = {0, 2000000, 30000000, 300000000};
+static const uint64_t budget[4] = {0, 60000, 30000000, 300000000};
 static const uint64_t most_runs[4] = {0, 400, 4000, 40000};
+/* Runs without fewer blocks after which it ends, beyond as many as it took to come there. */
+static const uint64_t patience[4] = {0, 100, 1000, 10000};
 
 typedef struct {
     bw_context *ctx;
@@ -56,9 +58,13 @@ static bw_status search_orders(search *s, const bw_complex *x, int effort, bw_re
     uint64_t runs = s->patches ? budget[effort] / s->patches : 0;
     if (runs > most_runs[effort]) runs = most_runs[effort];
     s->rules.key = s->key;
-    for (report->runs = 1; report->runs <= runs && status == BW_OK && s->blocks > 1; report->runs++) {
+    uint64_t improved = 0; /* the run that was the last to leave fewer blocks */
+    for (report->runs = 1; report->runs <= runs && report->runs < 2 * improved + patience[effort] && status == BW_OK && s->blocks > 1;
+         report->runs++) {
+        size_t before = s->blocks;
         perturb(s);
         status = attempt(s);
+        if (s->blocks < before) improved = report->runs;
         if (report->runs % 64 == 0) bw_progress(s->ctx, (double)report->runs / (double)runs);
     }
     if (status != BW_OK) return status;

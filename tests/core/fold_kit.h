@@ -39,7 +39,7 @@ static inline void fold_mark(folder *f) {
                 f->kind[m->edge[e][i]] |= FOLD_NEAR_SINGULAR;
     for (size_t t = 0; t < m->facet_count; t++)
         for (int i = 0; i < 3 && m->facet_tet[t][1] != BW_NONE; i++)
-            if (f->clean.map.transition[t].rotation) f->kind[m->facet[t][i]] |= FOLD_SEAM;
+            if (f->clean.map.rotation[t]) f->kind[m->facet[t][i]] |= FOLD_SEAM;
 }
 
 /* Values and mesh of an exact map; `model` may have no perturbation. Takes the model over. */
@@ -175,15 +175,15 @@ static inline void fold_expect_same_meaning(const folder *f, const sanitized *s)
     assert_memory_equal(s->map.edge_flags, f->clean.map.edge_flags, m->edge_count);
     assert_memory_equal(s->map.align, f->clean.map.align, m->facet_count);
     for (size_t t = 0; t < m->facet_count; t++) {
-        const bw_transition *a = &s->map.transition[t], *b = &f->clean.map.transition[t];
         bw_tet tet = m->facet_tet[t][0];
         int on = bw_tet_corner(m, tet, m->facet[t][0]), axis = s->map.align[t];
         if (m->facet_tet[t][1] == BW_NONE) {
             assert_true(ldexp((double)s->map.value[tet][on][axis], shift) == (double)f->clean.map.value[tet][on][axis]);
             continue;
         }
-        assert_int_equal(a->rotation, b->rotation);
-        for (int k = 0; k < 3; k++) assert_true(ldexp((double)a->shift[k], shift) == (double)b->shift[k]);
+        bw_transition a = bw_grid_map_across(m, &s->map, (bw_facet)t, tet), b = bw_grid_map_across(m, &f->clean.map, (bw_facet)t, tet);
+        assert_int_equal(a.rotation, b.rotation);
+        for (int k = 0; k < 3; k++) assert_true(ldexp((double)a.shift[k], shift) == (double)b.shift[k]);
     }
 }
 

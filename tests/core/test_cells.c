@@ -157,7 +157,7 @@ static void damage_is_found(void **state) {
         switch (kind) {
         case 0: f.cells.half[h].origin = bw_cells_half_end(&f.cells, h); break;
         case 1: f.cells.half[h].radial = h; break;
-        case 2: f.cells.polygon[section].value++; break;
+        case 2: f.cells.section[f.cells.polygon[section].carrier]++; break;
         case 3: f.cells.polygon[section].cell[0] = f.cells.polygon[section].cell[1]; break;
         case 4: f.cells.polygon[section].half = BW_NONE; break;
         case 5: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = BW_NONE; break;

@@ -126,7 +126,7 @@ static void damage_one_thing(bw_complex *x, int kind) {
     case 6: x->patch_flags[0] ^= BW_PATCH_BOUNDARY; break;
     case 7: x->arc_flags[0] ^= BW_ARC_SINGULAR; break;
     case 8: x->node_count++; break;
-    case 9: x->cell_chart[5].shift[0]++; break;
+    case 9: x->chart[x->cell_chart[5]].shift[0]++; break;
     default: x->block_side[0] = x->block_side[x->block_side_begin[6]]; break;
     }
 }

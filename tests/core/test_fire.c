@@ -67,7 +67,7 @@ static size_t count_flagged(const fixture *f, uint8_t flag) {
 static bw_cell middle_of_block(const fixture *f, bw_block block, int axis, bw_plane *plane) {
     for (size_t cell = 0; cell < f->complex.cell_count; cell++) {
         if (f->complex.cell_block[cell] != block) continue;
-        bw_transition back = bw_transition_inverse(&f->complex.cell_chart[cell]);
+        bw_transition back = bw_transition_inverse(bw_complex_chart(&f->complex, cell));
         *plane =
             bw_transition_plane(&back, (bw_plane){f->complex.block_extent[block][axis] / 2, (int8_t)axis});
         int sides = 0;
@@ -289,7 +289,7 @@ static void the_same_sparks_burn_the_same_walls(void **state) {
     assert_int_equal(f[0].cells.polygon_count, f[1].cells.polygon_count);
     for (size_t p = 0; p < f[0].cells.polygon_count; p++) {
         assert_int_equal(f[0].cells.polygon[p].flags, f[1].cells.polygon[p].flags);
-        assert_int_equal(f[0].cells.polygon[p].distance, f[1].cells.polygon[p].distance);
+        assert_int_equal(bw_cells_distance(&f[0].cells, (bw_polygon)p), bw_cells_distance(&f[1].cells, (bw_polygon)p));
     }
     for (int i = 0; i < 2; i++) close_model(&f[i]);
 }

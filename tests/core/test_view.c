@@ -118,7 +118,7 @@ static triangle *expected(encoded *e, const bw_view_lattice *lattice, bool skins
                         bw_cell cell = e->cells.polygon[p].cell[s];
                         if (cell == BW_NONE || c->cell_block[cell] != c->patch_block[patch][which]) continue;
                         bw_plane plane = bw_cells_polygon_plane(&e->cells, p, bw_cells_tet(&e->cells, cell));
-                        plane = bw_transition_plane(&c->cell_chart[cell], plane);
+                        plane = bw_transition_plane(bw_complex_chart(c, cell), plane);
                         if (2 * plane.axis + (plane.value != 0) == c->patch_side[patch][which]) slot = s;
                     }
                     kit_expect_ok(&e->ctx, bw_tessellation_side(&e->ctx, &t, &chart, p, slot, &side));

@@ -240,7 +240,7 @@ static void check_walls(const job *j) {
         assert_int_equal(blocks[2 * i + 1], x->patch_block[patch[i]][1]);
         assert_int_equal(boundary[i], blocks[2 * i + 1] < 0);
         assert_int_equal(flags[i], x->patch_flags[patch[i]]);
-        assert_true(distance[i] == ldexp((double)j->e.cells.polygon[p].distance, -j->e.map.exponent));
+        assert_true(distance[i] == ldexp((double)bw_cells_distance(&j->e.cells, p), -j->e.map.exponent));
         bw_half h = j->e.cells.polygon[p].half;
         size_t from = i ? (size_t)offset[i - 1] : 0;
         assert_true((size_t)offset[i] >= from + 3);
