@@ -8,7 +8,7 @@
 /* All sizes, in a section of their own; they are read before anything else. */
 typedef struct {
     uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
-    uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, section, distance;
+    uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, distance;
     uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, chart, torus_splits;
     int64_t exponent;
     uint8_t mirrored, has_cells, has_complex, has_length, unused[4];
@@ -55,7 +55,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
         FIELD("cell.polygon", s->cells.polygon, n->cell_polygon);
         FIELD("cell.first", s->cells.first, n->cell);
         FIELD("cell.tet", s->cells.cut_from, n->cell - n->tet);
-        FIELD("section", s->cells.section, n->section);
+        FIELD("section", s->cells.section, n->cell - n->tet);
         FIELD("distance", s->cells.distance, n->distance);
         FIELD("edge.whole", s->cells.of_edge, n->edge);
         FIELD("facet.whole", s->cells.of_facet, n->facet);
@@ -107,7 +107,7 @@ static counts count_state(const bw_state *s) {
     if (s->has_cells) {
         n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
         n.cell_polygon = c->polygon_count, n.cell = c->cell_count;
-        n.section = c->section_count, n.distance = c->distance_count;
+        n.distance = c->distance_count;
     }
     if (s->has_complex) {
         n.node = x->node_count, n.arc = x->arc_count, n.patch = x->patch_count, n.block = x->block_count;
@@ -130,8 +130,8 @@ static void set_counts(bw_state *s, const counts *n) {
     c->mesh = m, c->map = &s->map;
     c->vertex_count = c->vertex_room = n->cell_vertex, c->edge_count = c->edge_room = n->cell_edge;
     c->half_count = c->half_room = n->cell_half, c->polygon_count = c->polygon_room = n->cell_polygon;
-    c->section_count = c->section_room = n->section, c->distance_count = c->distance_room = n->distance;
-    c->cell_count = c->cell_room = n->cell, c->cut_room = n->cell - (n->has_cells ? n->tet : 0);
+    c->distance_count = c->distance_room = n->distance;
+    c->cell_count = c->cell_room = n->cell, c->cut_room = c->section_room = n->cell - (n->has_cells ? n->tet : 0);
     x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
     x->chart_count = n->chart, x->torus_splits = n->torus_splits, x->cell_count = n->cell;
 }

@@ -40,7 +40,7 @@ bw_status bw_cells_trim(bw_context *ctx, bw_cells *c) {
     if (s == BW_OK) s = bw_trim(ctx, &c->polygon, &c->polygon_room, c->polygon_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->first, &c->cell_room, c->cell_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->cut_from, &c->cut_room, c->cell_count - c->mesh->tet_count);
-    if (s == BW_OK) s = bw_trim(ctx, &c->section, &c->section_room, c->section_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->section, &c->section_room, c->cell_count - c->mesh->tet_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->distance, &c->distance_room, c->distance_count);
     bw_free(ctx, c->sign), bw_free(ctx, c->face), bw_free(ctx, c->corner);
     c->sign = NULL, c->face = NULL, c->corner = NULL;
@@ -64,7 +64,7 @@ static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t
     if (s == BW_OK) s = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 2 * polygons + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->first, &c->cell_room, c->cell_count + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->cut_from, &c->cut_room, c->cell_count + 1 - c->mesh->tet_count);
-    if (s == BW_OK) s = bw_reserve(ctx, &c->section, &c->section_room, c->section_count + 1);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->section, &c->section_room, c->cell_count + 1 - c->mesh->tet_count);
     if (s == BW_OK) s = make_room_for_signs(ctx, c);
     if (s == BW_OK && (c->vertex_count > INT32_MAX / 4 || c->half_count > INT32_MAX / 4))
         s = bw_fail(ctx, BW_E_LIMIT, "the cut complex has more elements than a 32-bit index can name");
@@ -397,6 +397,7 @@ static void collect_section(bw_cells *c, const cut *k, bw_polygon section) {
 /* Makes the polygon in the plane. The polygons around it have arbitrary orientations: its half-edges are put in order by shared vertices. */
 static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
     bw_polygon section = (bw_polygon)c->polygon_count++;
+    int32_t cut_index = other - (bw_cell)c->mesh->tet_count;
     bw_half begin = (bw_half)c->half_count;
     collect_section(c, k, section);
     bw_half end = (bw_half)c->half_count;
@@ -415,10 +416,10 @@ static bw_polygon make_section(bw_cells *c, const cut *k, bw_cell other) {
         c->half[h].next = h + 1 < end ? h + 1 : begin;
         link_radial(c, h, c->half[h].edge);
     }
-    c->polygon[section] = (bw_cell_polygon){.axis = k->plane.axis, .carrier = (int32_t)c->section_count, .half = begin,
+    c->polygon[section] = (bw_cell_polygon){.axis = k->plane.axis, .carrier = cut_index, .half = begin,
                                             .cell = {k->cell, other}, .in_cell = {BW_NONE, BW_NONE}, .burnt = BW_NONE,
                                             .kind = BW_IN_TET};
-    c->section[c->section_count++] = k->plane.value;
+    c->section[cut_index] = k->plane.value;
     return section;
 }
 

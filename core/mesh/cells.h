@@ -66,7 +66,7 @@ enum { BW_KEPT = 1 /* part of an arc although two walls pass it flat: it bounds 
 enum { BW_WALL = 1, BW_BOUNDARY = 2, BW_SPLIT = 4 /* wall made by torus splitting */, BW_FEATURE = 8 };
 
 typedef struct {
-    int32_t carrier;       /* bw_facet; in a tet: the section that it is a part of */
+    int32_t carrier;       /* bw_facet; in a tet: the index of its cut in `section` */
     bw_half half;          /* any half-edge; BW_NONE if the polygon was split */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
     bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first; unused where the cell is not opened);
@@ -87,11 +87,11 @@ typedef struct {
     bw_cell_polygon *polygon;
     bw_polygon *first;    /* [cell]: its first polygon; BW_NONE for a tet that is not opened */
     bw_tet *cut_from;     /* [cell - tet_count]: the tet that a cell made by a cut lies in */
-    int64_t *section;     /* [section]: every cut makes one; the value of its plane */
+    int64_t *section;     /* [cell - tet_count]: the value of the plane of the cut that made the cell */
     int64_t *distance;    /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
     bw_cedge *of_edge;    /* [mesh edge]: the whole edge as a complex edge; BW_NONE if none of its facets is a polygon */
     bw_polygon *of_facet; /* [facet]: the whole facet as a polygon, or BW_NONE */
-    size_t section_count, distance_count;
+    size_t distance_count;
     size_t vertex_room, edge_room, half_room, polygon_room, cell_room, cut_room, section_room, distance_room; /* capacities */
     /* scratch of bw_cells_cut */
     int8_t *sign; /* [vertex]: its side in the running cut; 2 = not known */

@@ -73,7 +73,7 @@ static void expect_damage(bw_stage stage, const char *tag, long at, uint64_t by,
 
 static void sizes_that_contradict_each_other_are_refused(void **state) {
     (void)state;
-    enum { VERTEX = 0, CELLS = 12, NODES = 13 }; /* words of "counts" */
+    enum { VERTEX = 0, CELLS = 12, NODES = 14 }; /* words of "counts" */
     expect_damage(BW_STAGE_SANITIZE, "counts", VERTEX, 1, "section 'position' of the state file has 8 elements, not 9");
     expect_damage(BW_STAGE_SANITIZE, "counts", CELLS, 6, "its sizes contradict each other");
     expect_damage(BW_STAGE_TRACE, "counts", NODES, 1, "its sizes contradict each other");
