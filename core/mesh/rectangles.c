@@ -44,7 +44,7 @@ static bw_cedge edge_in_wall(const bw_cells *c, bw_polygon section, bw_polygon w
     bw_half h = c->polygon[section].half;
     for (;; h = c->half[h].next)
         for (bw_half r = c->half[h].radial; r != h; r = c->half[r].radial)
-            if (c->polygon[c->half[r].polygon].parent == wall) return c->half[h].edge;
+            if (c->half[r].polygon == bw_cells_polygon_part(c, wall, 0)) return c->half[h].edge;
 }
 
 /* Draws the first edge of a line from a vertex. */
