@@ -1,5 +1,7 @@
 #include "stage/build.h"
 
+#include <stdlib.h>
+
 #include "mesh/fire.h"
 #include "mesh/walk.h"
 
@@ -56,6 +58,54 @@ static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_bloc
     return best;
 }
 
+/* Where a wall of other blocks ends on a side of a torus: going straight on there opens the torus without a new arc length, so the quantization is as free
+ * as before. */
+typedef struct {
+    bw_cedge edge;
+    bw_continuation at;
+    int64_t length; /* of the edge; 0: none found */
+} joint;
+
+static int64_t edge_length(const bw_cells *c, bw_cedge e, bw_tet tet) {
+    int axis = bw_cells_edge_axis(c, e, tet);
+    bool fraction;
+    return axis < 0 ? 0 : llabs(bw_cells_floor(c, c->edge[e].vertex[1], tet, axis, &fraction) - bw_cells_floor(c, c->edge[e].vertex[0], tet, axis, &fraction));
+}
+
+/* Considers the edges of one wall polygon with the block in its slot s: the wall that stands on it from outside, perpendicular to axis `ring` of the block's chart. */
+static void consider_joint(const bw_cells *c, const bw_complex *x, bw_polygon p, int s, int ring, joint *best) {
+    bw_block block = x->cell_block[c->polygon[p].cell[s]];
+    bw_half h = c->polygon[p].half;
+    if (c->polygon[p].cell[!s] == BW_NONE) return;
+    do {
+        bw_cedge e = c->half[h].edge;
+        h = c->half[h].next;
+        bw_tet tet = bw_cells_tet(c, c->polygon[p].cell[!s]);
+        joint here = {.edge = e, .length = edge_length(c, e, tet)};
+        if (here.length <= best->length || bw_cells_edge_is_singular(c, e) || bw_cells_edge_is_boundary(c, e)) continue;
+        int slot = !s;
+        bw_plane plane = bw_cells_polygon_plane(c, p, tet);
+        bw_polygon wall = bw_walk_wall(c, e, p, &slot, &plane);
+        if (bw_walk_side(c, wall, e, bw_cells_tet(c, c->polygon[wall].cell[slot]), plane) == 0) continue; /* p goes on flat */
+        if (!bw_walk_straight(c, e, wall, slot, 0, &here.at)) continue;
+        bw_cell cell = here.at.cell;
+        bool inside = (size_t)cell < x->cell_count && x->cell_block[cell] == block;
+        if (!inside || (here.at.polygon != BW_NONE && c->polygon[here.at.polygon].flags & BW_WALL)) continue;
+        if (bw_transition_plane(bw_complex_chart(x, cell), here.at.plane).axis == ring) *best = here;
+    } while (h != c->polygon[p].half);
+}
+
+/* `from`: a right-angled edge of the block; such edges run around the ring. */
+static joint longest_joint(const bw_cells *c, const bw_complex *x, start from) {
+    bw_block block = x->cell_block[from.cell];
+    int ring = bw_transition_plane(bw_complex_chart(x, from.cell), from.plane).axis;
+    joint best = {.length = 0};
+    for (size_t p = 0; p < c->polygon_count; p++)
+        for (int s = 0; s < 2; s++)
+            if (bounds(c, x, (bw_polygon)p, s, block)) consider_joint(c, x, (bw_polygon)p, s, ring, &best);
+    return best;
+}
+
 /* A vertex of the tet mesh in the block of `member`, which has no right-angled edge, on its walls if it has any, and the axes in those walls. */
 static bw_vertex vertex_without_arcs(const bw_cells *c, const bw_complex *x, bw_cell member, bw_tet *tet, unsigned *axes) {
     for (size_t i = 0; i < 2 * c->polygon_count; i++) {
@@ -105,7 +155,9 @@ static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *
     bw_status status = BW_OK;
     for (size_t i = 0; i < tori->count && status == BW_OK; i++) {
         start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]]);
-        if (from.length) status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
+        joint at = from.length ? longest_joint(cells, complex, from) : (joint){.length = 0};
+        if (at.length) status = bw_fire_ignite_at(&fire, at.edge, at.at);
+        else if (from.length) status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
         else status = ignite_anywhere(&fire, complex, tori->cell[i]);
         if (status == BW_OK) status = bw_fire_run(&fire);
     }
