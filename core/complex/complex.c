@@ -14,6 +14,14 @@ void bw_complex_clear(bw_context *ctx, bw_complex *x) {
     memset(x, 0, sizeof *x);
 }
 
+bw_transition bw_complex_across(const bw_cells *c, const bw_complex *x, bw_patch patch) {
+    bw_polygon p = x->patch_polygon[x->patch_polygon_begin[patch]]; /* its cell[0] is on side 0 by construction */
+    bw_cell inside = c->polygon[p].cell[0], outside = c->polygon[p].cell[1];
+    bw_transition in = bw_cells_transition(c, p, outside), out = bw_transition_inverse(bw_complex_chart(x, outside));
+    in = bw_transition_compose(&in, &out);
+    return bw_transition_compose(bw_complex_chart(x, inside), &in);
+}
+
 static bw_status list_tori(bw_build *b, bw_torus_list *tori) {
     tori->count = 0;
     bw_block next = 0; /* blocks are numbered by their lowest cell */

@@ -84,6 +84,8 @@ static inline const bw_transition *bw_complex_chart(const bw_complex *complex, b
 
 bw_node bw_arc_use_start(const bw_complex *complex, bw_arc_use use);
 bw_node bw_arc_use_end(const bw_complex *complex, bw_arc_use use);
+/* From the chart of patch_block[patch][1] to that of patch_block[patch][0], for a patch inside. */
+bw_transition bw_complex_across(const bw_cells *cells, const bw_complex *complex, bw_patch patch);
 
 /* A cell of every block that is not a cuboid: after tracing these are the tori of MC 5.3. */
 typedef struct {

@@ -88,15 +88,6 @@ static void list_rims(bw_reduction *r) {
             r->rim[r->rim_begin[(x->patch_chain[i] >> 1) + 1]++] = (bw_patch)p;
 }
 
-/* The transition across a patch, from any polygon of it: one whose cell on side 0 belongs to patch_block[0] in patch_side[0]. */
-static bw_transition transition_across(const bw_cells *c, const bw_complex *x, bw_patch patch) {
-    bw_polygon p = x->patch_polygon[x->patch_polygon_begin[patch]]; /* its cell[0] is on side 0 by construction */
-    bw_cell inside = c->polygon[p].cell[0], outside = c->polygon[p].cell[1];
-    bw_transition in = bw_cells_transition(c, p, outside), out = bw_transition_inverse(bw_complex_chart(x, outside));
-    in = bw_transition_compose(&in, &out);
-    return bw_transition_compose(bw_complex_chart(x, inside), &in);
-}
-
 /* The rectangle of a patch in the chart of its first block: its first side starts at the low corner of its plane (chains.c). */
 static void set_rectangle(bw_reduction *r, bw_patch p) {
     const bw_complex *x = r->x;
@@ -119,7 +110,7 @@ static void set_start(bw_reduction *r, const bw_cells *cells) {
         r->patch_start[p] = (patch_set){.parent = (bw_patch)p, .next = (bw_patch)p, .flags = x->patch_flags[p],
                                         .distance = x->patch_distance[p]};
         set_rectangle(r, (bw_patch)p);
-        if (x->patch_block[p][1] != BW_NONE) r->across[p] = transition_across(cells, x, (bw_patch)p);
+        if (x->patch_block[p][1] != BW_NONE) r->across[p] = bw_complex_across(cells, x, (bw_patch)p);
         for (int32_t slot = 0; slot < 2 && x->patch_block[p][slot] != BW_NONE; slot++) {
             int32_t side = 2 * (int32_t)p + slot, *first = &r->block_start[x->patch_block[p][slot]].first_side;
             r->next_side_start[side] = *first == BW_NONE ? side : r->next_side_start[*first];

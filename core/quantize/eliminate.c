@@ -132,7 +132,7 @@ static bw_status substitute(solver *s, int32_t unknown, const bw_eliminate_term 
     if (bw_reserve(s->ctx, &out->step, &out->step_room, out->step_count + 1)) return s->ctx->error.status;
     if (bw_reserve(s->ctx, &out->term, &out->term_room, out->term_count + count)) return s->ctx->error.status;
     size_t begin = out->term_count;
-    memcpy(out->term + begin, terms, count * sizeof *terms);
+    if (count) memcpy(out->term + begin, terms, count * sizeof *terms);
     out->term_count += count;
     out->step[out->step_count++] = (bw_eliminate_step){unknown, begin, out->term_count};
     for (size_t i = 0; i < s->columns[unknown].count; i++) {

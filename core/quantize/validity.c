@@ -1,0 +1,403 @@
+#include "quantize/validity.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "quantize/flood.h"
+#include "quantize/loops.h"
+
+/* Two entities and how far they lie apart in the input across both. Of all their meetings in a call the one counts that is apart in the
+ * fewest directions along them: its cells face each other, and its constraint asks for no more than is needed. */
+typedef struct {
+    bw_critical_entity entity[2];
+    int64_t across[3]; /* sizes, ascending */
+    int64_t along;     /* sum of the gaps along */
+    size_t constraint; /* in `separations` */
+    int directions;    /* along which they are apart */
+} encounter;
+
+struct bw_validity {
+    bw_context *ctx;
+    const bw_complex *x;
+    bw_surface surface;
+    bw_critical critical;
+    bw_loops loops;
+    bw_flood flood;
+    bw_corridor corridor;
+    int32_t *loose; /* places of critical arcs that no block has at an edge */
+    size_t loose_count;
+    const int64_t *length; /* of the call */
+    bw_constraint_list *out;
+    bw_constraint_list separations; /* one for each encounter, and others that better ones replaced */
+    bw_constraint_list collapsed;   /* loops that floods found */
+    uint8_t *flat;    /* [block]: has an extent of 0, or an arc without positive length */
+    uint8_t *touched; /* [node]: by such a block */
+    encounter *found;
+    size_t found_count, found_room;
+    bw_term *term;
+    size_t term_room;
+    int32_t *points, *others; /* ends of a path */
+    size_t points_room, others_room;
+    bw_validity_figures figures;
+};
+
+/* ---- setting up ---- */
+
+/* Feature arcs that lie inside sides of all blocks around them: nothing else keeps them in place. */
+static bw_status list_loose(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    uint8_t *held = bw_alloc(v->ctx, v->x->arc_count, 1);
+    v->loose = bw_alloc(v->ctx, s->edge_count, sizeof *v->loose);
+    if (held && v->loose) {
+        for (int pass = 0; pass < 2; pass++)
+            for (size_t e = 0; e < s->edge_count; e++) {
+                int quarters;
+                bw_arc a = s->edge[e].use >> 1;
+                bw_surface_rim_other(s, s->edge[e].rim[0], &quarters);
+                if (pass == 0 && quarters == 1) held[a] = 1;
+                if (pass == 1 && v->critical.arc_link[a] != BW_NONE && !held[a]) v->loose[v->loose_count++] = (int32_t)e;
+            }
+    }
+    bw_free(v->ctx, held);
+    return v->ctx->error.status;
+}
+
+bw_status bw_validity_new(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_validity **out) {
+    bw_validity *v = *out = bw_alloc(ctx, 1, sizeof *v);
+    if (!v) return ctx->error.status;
+    v->ctx = ctx, v->x = complex;
+    bw_status status = bw_surface_init(ctx, cells, complex, &v->surface);
+    if (status == BW_OK) status = bw_critical_init(ctx, cells, &v->surface, &v->critical);
+    if (status == BW_OK) status = bw_loops_init(ctx, &v->surface, &v->critical, &v->loops);
+    if (status == BW_OK) status = bw_flood_init(ctx, &v->surface, &v->critical, &v->loops.volume, &v->flood);
+    bw_corridor_init(ctx, &v->surface, &v->corridor);
+    v->flat = bw_alloc(ctx, complex->block_count, 1);
+    v->touched = bw_alloc(ctx, complex->node_count, 1);
+    if (status == BW_OK) status = ctx->error.status;
+    if (status == BW_OK) status = list_loose(v);
+    v->figures = (bw_validity_figures){.links = v->critical.link_count, .regions = v->critical.region_count, .nodes = v->critical.node_count,
+                                       .region_generators = v->loops.region.rank, .volume_generators = v->loops.volume.rank};
+    if (status == BW_OK) return BW_OK;
+    bw_validity_free(ctx, v);
+    *out = NULL;
+    return status;
+}
+
+void bw_validity_free(bw_context *ctx, bw_validity *v) {
+    if (!v) return;
+    bw_flood_clear(&v->flood);
+    bw_corridor_clear(&v->corridor);
+    bw_loops_clear(ctx, &v->loops);
+    bw_critical_clear(ctx, &v->critical);
+    bw_surface_clear(ctx, &v->surface);
+    bw_constraint_clear(ctx, &v->separations);
+    bw_constraint_clear(ctx, &v->collapsed);
+    void *blocks[] = {v->loose, v->flat, v->touched, v->found, v->term, v->points, v->others, v};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
+}
+
+bw_validity_figures bw_validity_count(const bw_validity *v) { return v->figures; }
+const bw_surface *bw_validity_surface(const bw_validity *v) { return &v->surface; }
+const bw_critical *bw_validity_critical(const bw_validity *v) { return &v->critical; }
+
+/* ---- chains: consistency and (i) ---- */
+
+static bw_status add_chain(bw_validity *v, size_t *n, const bw_arc_use *chain, size_t begin, size_t end, int32_t factor) {
+    if (bw_reserve(v->ctx, &v->term, &v->term_room, *n + end - begin)) return v->ctx->error.status;
+    for (size_t i = begin; i < end; i++) v->term[(*n)++] = (bw_term){chain[i] >> 1, factor};
+    return BW_OK;
+}
+
+static int64_t sum(const bw_validity *v, size_t n) {
+    int64_t total = 0;
+    for (size_t i = 0; i < n; i++) total += v->term[i].factor * v->length[v->term[i].arc];
+    return total;
+}
+
+static bw_status separate_rectangles(bw_validity *v) {
+    const bw_complex *x = v->x;
+    for (size_t k = 0; k < 2 * x->patch_count; k++) {
+        const size_t *begin = x->patch_chain_begin + 4 * (k / 2) + k % 2;
+        size_t n = 0;
+        if (add_chain(v, &n, x->patch_chain, begin[0], begin[1], 1) || add_chain(v, &n, x->patch_chain, begin[2], begin[3], -1))
+            return v->ctx->error.status;
+        if (sum(v, n) && bw_constraint_add(v->ctx, v->out, BW_RULE_RECTANGLE, BW_EQUAL, v->term, n, 0)) return v->ctx->error.status;
+    }
+    return BW_OK;
+}
+
+static bw_status separate_extents(bw_validity *v) {
+    const bw_complex *x = v->x;
+    for (size_t k = 0; k < 3 * x->block_count; k++) {
+        size_t edge = 12 * (k / 3) + 4 * (k % 3), n = 0;
+        if (add_chain(v, &n, x->block_edge, x->block_edge_begin[edge], x->block_edge_begin[edge + 1], 1)) return v->ctx->error.status;
+        if (sum(v, n) < 0 && bw_constraint_add(v->ctx, v->out, BW_RULE_EXTENT, BW_AT_LEAST, v->term, n, 0)) return v->ctx->error.status;
+    }
+    return BW_OK;
+}
+
+static bw_status separate_links(bw_validity *v) {
+    const bw_critical *c = &v->critical;
+    for (size_t l = 0; l < c->link_count; l++) {
+        size_t n = 0;
+        if (add_chain(v, &n, c->link_arc, c->link_begin[l], c->link_begin[l + 1], 1)) return v->ctx->error.status;
+        if (sum(v, n) < 1 && bw_constraint_add(v->ctx, v->out, BW_RULE_LINK, BW_AT_LEAST, v->term, n, 1)) return v->ctx->error.status;
+    }
+    return BW_OK;
+}
+
+/* ---- (ii) ---- */
+
+/* Marks blocks that a point may be zero-connected through, or along; false if there is none. */
+static bool mark_flat(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    bool any = false;
+    memset(v->touched, 0, v->x->node_count);
+    for (size_t b = 0; b < v->x->block_count; b++) {
+        const int64_t *extent = v->flood.at[s->point_begin[b + 1] - 1];
+        bool flat = !extent[0] || !extent[1] || !extent[2];
+        for (size_t e = s->edge_begin[b]; e < s->edge_begin[b + 1] && !flat; e++) flat = v->length[s->edge[e].use >> 1] < 1;
+        v->flat[b] = flat;
+        any = any || flat;
+        for (size_t p = s->point_begin[b]; p < s->point_begin[b + 1] && flat; p++) v->touched[s->point[p].node] = 1;
+    }
+    return any;
+}
+
+static bw_status list_points(bw_validity *v, bw_critical_cell cell, int32_t **list, size_t *room, size_t *n) {
+    const bw_surface *s = &v->surface;
+    *n = 0;
+    if (cell.kind == BW_CELL_PATCH) {
+        for (int32_t rim = bw_surface_first_rim(s, cell.place); rim < bw_surface_last_rim(s, cell.place); rim += 2) {
+            if (bw_reserve(v->ctx, list, room, *n + 1)) return v->ctx->error.status;
+            (*list)[(*n)++] = s->rim_point[rim];
+        }
+        return BW_OK;
+    }
+    if (bw_reserve(v->ctx, list, room, 2)) return v->ctx->error.status;
+    *n = cell.kind == BW_CELL_ARC ? 2 : 1;
+    for (size_t i = 0; i < *n; i++) (*list)[i] = cell.kind == BW_CELL_ARC ? s->edge[cell.place].point[i] : cell.place;
+    return BW_OK;
+}
+
+/* Of the points of one of the two cells of a meeting those that look towards the other cell. */
+static bw_status list_facing(bw_validity *v, const bw_meeting *m, bool other, int32_t **list, size_t *room, size_t *n) {
+    size_t kept = 0;
+    if (list_points(v, other ? m->cell : v->flood.seed, list, room, n)) return v->ctx->error.status;
+    for (size_t i = 0; i < *n; i++)
+        if (bw_flood_faces(&v->flood, m, other, (*list)[i])) (*list)[kept++] = (*list)[i];
+    *n = kept;
+    return BW_OK;
+}
+
+/* The slots on the way to a state of the flood, appended in order. */
+static bw_status walk_to(bw_validity *v, int32_t state) {
+    size_t first = v->corridor.count;
+    int32_t slot;
+    while (bw_flood_state_block(&v->flood, state, &state, &slot), slot != BW_NONE)
+        if (bw_corridor_cross(&v->corridor, slot)) return v->ctx->error.status;
+    for (size_t i = first, j = v->corridor.count; i + 1 < j; i++) {
+        int32_t swap = v->corridor.slot[i];
+        v->corridor.slot[i] = v->corridor.slot[--j], v->corridor.slot[j] = swap;
+    }
+    return BW_OK;
+}
+
+static int compare_sizes(const void *a, const void *b) {
+    const int64_t *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+static encounter describe(const bw_validity *v, const bw_meeting *m) {
+    encounter e = {.entity = {bw_critical_cell_entity(&v->surface, &v->critical, v->flood.seed),
+                              bw_critical_cell_entity(&v->surface, &v->critical, m->cell)}};
+    if (e.entity[0] > e.entity[1]) e.entity[0] ^= e.entity[1], e.entity[1] ^= e.entity[0], e.entity[0] ^= e.entity[1];
+    for (int k = 0; k < 3; k++) {
+        bool along = m->along >> k & 1;
+        (along ? &e.along : &e.across[k])[0] += llabs(m->gap[k]);
+        e.directions += along;
+    }
+    qsort(e.across, 3, sizeof *e.across, compare_sizes);
+    return e;
+}
+
+/* Whether a meeting is the best of its kind in this call so far; then *slot is where it is to be kept. */
+static bw_status is_better(bw_validity *v, const encounter *e, encounter **slot) {
+    *slot = NULL;
+    for (size_t i = 0; i < v->found_count; i++) {
+        encounter *f = &v->found[i];
+        if (f->entity[0] != e->entity[0] || f->entity[1] != e->entity[1] || memcmp(f->across, e->across, sizeof f->across)) continue;
+        if (e->directions < f->directions || (e->directions == f->directions && e->along < f->along)) *slot = f;
+        return BW_OK;
+    }
+    if (bw_reserve(v->ctx, &v->found, &v->found_room, v->found_count + 1)) return v->ctx->error.status;
+    *slot = &v->found[v->found_count];
+    return BW_OK;
+}
+
+static bw_status separate_meeting(bw_validity *v, const bw_meeting *m) {
+    size_t n, others;
+    encounter e = describe(v, m), *slot;
+    if (is_better(v, &e, &slot)) return v->ctx->error.status;
+    if (!slot) return BW_OK;
+    bw_corridor_start(&v->corridor, bw_critical_cell_block(&v->surface, v->flood.seed));
+    if (walk_to(v, m->state) || list_facing(v, m, false, &v->points, &v->points_room, &n) ||
+        list_facing(v, m, true, &v->others, &v->others_room, &others) || bw_corridor_find(&v->corridor, v->points, n, v->others, others))
+        return v->ctx->error.status;
+    int sign[3], used = 0;
+    int64_t now[3];
+    bw_corridor_displacement(&v->corridor, v->length, now);
+    for (int k = 0; k < 3; k++) {
+        sign[k] = (m->gap[k] > 0) - (m->gap[k] < 0);
+        if (sign[k] * now[k] > 0) sign[k] = 0; /* along a cell that has turned around: its other end is the one that touches */
+        used += sign[k] != 0;
+    }
+    if (!used) return BW_OK;
+    e.constraint = v->separations.count;
+    v->found_count += slot == v->found + v->found_count;
+    *slot = e;
+    return bw_corridor_constrain(&v->corridor, sign, 1, BW_RULE_SEPARATION, &v->separations);
+}
+
+static bw_status append_separations(bw_validity *v) {
+    for (size_t i = 0; i < v->found_count; i++)
+        if (bw_constraint_copy(v->ctx, v->out, &v->separations, v->found[i].constraint)) return v->ctx->error.status;
+    v->found_count = 0;
+    bw_constraint_clear(v->ctx, &v->separations);
+    return BW_OK;
+}
+
+/* A loop is a corridor that returns to its first block. If its displacement, from one of the points, is 0 now and is not in the input, it has to be so in the
+ * input's direction: the sum over the directions is at least 1. */
+static bw_status separate_loop(bw_validity *v, const int32_t *points, size_t n, bw_rule rule, bw_constraint_list *out) {
+    for (size_t i = 0; i < n; i++) {
+        int64_t now[3], input[3];
+        int sign[3];
+        if (bw_corridor_find(&v->corridor, points + i, 1, points + i, 1)) return v->ctx->error.status;
+        bw_corridor_displacement(&v->corridor, v->length, now);
+        bw_corridor_displacement(&v->corridor, v->x->arc_length, input);
+        if (now[0] || now[1] || now[2] || !(input[0] | input[1] | input[2])) continue;
+        for (int k = 0; k < 3; k++) sign[k] = (input[k] > 0) - (input[k] < 0);
+        return bw_corridor_constrain(&v->corridor, sign, 1, rule, out);
+    }
+    return BW_OK;
+}
+
+/* The loop that the last flood found: there one way, back the other. */
+static bw_status collect_loop(bw_validity *v) {
+    const int32_t *loop = v->flood.loop;
+    size_t n;
+    if (loop[0] == BW_NONE) return BW_OK;
+    bw_corridor_start(&v->corridor, bw_critical_cell_block(&v->surface, v->flood.seed));
+    if (walk_to(v, loop[0]) || bw_corridor_cross(&v->corridor, loop[2])) return v->ctx->error.status;
+    int32_t slot, state = loop[1];
+    while (bw_flood_state_block(&v->flood, state, &state, &slot), slot != BW_NONE)
+        if (bw_corridor_cross(&v->corridor, slot ^ 1)) return v->ctx->error.status;
+    if (list_points(v, v->flood.seed, &v->points, &v->points_room, &n)) return v->ctx->error.status;
+    return separate_loop(v, v->points, n, BW_RULE_VOLUME, &v->collapsed);
+}
+
+static bw_status flood_from(bw_validity *v, bw_critical_cell seed, bw_meeting_kind kind) {
+    if (bw_flood_run(&v->flood, seed, kind)) return v->ctx->error.status;
+    v->figures.floods++, v->figures.states += v->flood.state_count;
+    for (size_t i = 0; i < v->flood.meeting_count; i++)
+        if (separate_meeting(v, &v->flood.meeting[i])) return v->ctx->error.status;
+    return v->collapsed.count ? BW_OK : collect_loop(v);
+}
+
+static bw_status flood_from_cells(bw_validity *v, bw_meeting_kind kind) {
+    const bw_critical *c = &v->critical;
+    for (size_t i = 0; i < c->link_begin[c->link_count]; i++) {
+        bw_arc a = c->link_arc[i] >> 1;
+        if ((v->touched[v->x->arc_node[a][0]] || v->touched[v->x->arc_node[a][1]]) &&
+            flood_from(v, (bw_critical_cell){BW_CELL_ARC, c->arc_edge[a]}, kind))
+            return v->ctx->error.status;
+    }
+    for (size_t p = 0; p < v->x->patch_count; p++) {
+        const bw_block *b = v->x->patch_block[p];
+        if (c->patch_region[p] != BW_NONE && (v->flat[b[0]] || (b[1] != BW_NONE && v->flat[b[1]])) &&
+            flood_from(v, (bw_critical_cell){BW_CELL_PATCH, 2 * (int32_t)p}, kind))
+            return v->ctx->error.status;
+    }
+    return append_separations(v);
+}
+
+static bw_status separate_across(bw_validity *v) { return flood_from_cells(v, BW_MEET_ACROSS); }
+
+static bw_status separate_apart(bw_validity *v) {
+    bool negative = false;
+    for (size_t a = 0; a < v->x->arc_count; a++) negative = negative || v->length[a] < 0;
+    return negative ? flood_from_cells(v, BW_MEET_APART) : BW_OK;
+}
+
+/* One place of each node is enough. Without critical nodes, links and regions at all there are only loops to find: from any point. */
+static bw_status separate_nodes(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    bool none = v->critical.node_count + v->critical.link_count + v->critical.region_count == 0;
+    for (size_t p = 0; p < s->point_count; p++) {
+        bw_node n = s->point[p].node;
+        if (v->touched[n] != 1 || !(v->critical.node[n] || none)) continue;
+        v->touched[n] = 2; /* once */
+        if (flood_from(v, (bw_critical_cell){BW_CELL_NODE, (int32_t)p}, BW_MEET_NODES)) return v->ctx->error.status;
+    }
+    return append_separations(v);
+}
+
+/* Loose arcs stay in the sides they lie in: 0 <= coordinate <= extent in each block beside them. */
+static bw_status separate_loose(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    for (size_t i = 0; i < v->loose_count; i++) {
+        const bw_surface_edge *e = &s->edge[v->loose[i]];
+        bw_block b = s->point[e->point[0]].block;
+        int32_t corner[2] = {(int32_t)s->point_begin[b], (int32_t)s->point_begin[b + 1] - 1};
+        const int64_t *at = v->flood.at[e->point[0]], *extent = v->flood.at[corner[1]];
+        for (int k = 0; k < 6; k++) {
+            int axis = k / 2, high = k % 2, sign[3] = {0, 0, 0};
+            if (axis == e->axis || (high ? at[axis] <= extent[axis] : at[axis] >= 0)) continue;
+            bw_corridor_start(&v->corridor, b);
+            sign[axis] = 1;
+            if (high ? bw_corridor_find(&v->corridor, e->point, 2, &corner[1], 1) : bw_corridor_find(&v->corridor, &corner[0], 1, e->point, 2))
+                return v->ctx->error.status;
+            if (bw_corridor_constrain(&v->corridor, sign, 0, BW_RULE_SEPARATION, v->out)) return v->ctx->error.status;
+        }
+    }
+    return BW_OK;
+}
+
+/* ---- (iii) and (iv) ---- */
+
+static bw_status separate_generators(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    bw_loops *l = &v->loops;
+    for (size_t i = 0; i < l->region.rank + l->volume.rank; i++) {
+        bool exists, region = i < l->region.rank;
+        if (region ? bw_loops_region_corridor(v->ctx, s, &v->critical, l, i, &v->corridor, &exists)
+                   : bw_loops_volume_corridor(v->ctx, l, i - l->region.rank, &v->corridor, &exists))
+            return v->ctx->error.status;
+        int32_t point = (int32_t)s->point_begin[v->corridor.block];
+        if (exists && separate_loop(v, &point, 1, region ? BW_RULE_REGION : BW_RULE_VOLUME, v->out)) return v->ctx->error.status;
+    }
+    for (size_t c = 0; c < v->collapsed.count; c++)
+        if (bw_constraint_copy(v->ctx, v->out, &v->collapsed, c)) return v->ctx->error.status;
+    return BW_OK;
+}
+
+/* ---- the order of Q 5.3.5 ---- */
+
+bw_status bw_validity_separate(bw_validity *v, const int64_t *length, bw_constraint_list *violated) {
+    static bw_status (*const step[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links};
+    static bw_status (*const later[])(bw_validity *) = {separate_loose, separate_across, separate_nodes, separate_apart, separate_generators};
+    size_t before = violated->count;
+    v->length = length, v->out = violated;
+    v->figures.calls++;
+    v->found_count = 0;
+    for (size_t i = 0; i < sizeof step / sizeof *step; i++)
+        if (step[i](v) || violated->count > before) return v->ctx->error.status;
+    bw_flood_lay_out(&v->flood, length);
+    if (!mark_flat(v)) return BW_OK;
+    bw_constraint_clear(v->ctx, &v->separations);
+    bw_constraint_clear(v->ctx, &v->collapsed);
+    for (size_t i = 0; i < sizeof later / sizeof *later; i++)
+        if (later[i](v) || violated->count > before) return v->ctx->error.status;
+    return BW_OK;
+}

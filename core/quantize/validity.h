@@ -1,0 +1,45 @@
+/* Validity of a quantization: which constraints it breaks (Q 5.1 to 5.6).
+ *
+ * Everything is decided in integers, from the complex alone:
+ *
+ *   consistency  each patch is a rectangle (Q 7), no block has a negative extent (Q 8): sums over chains.
+ *   (i)    link      the sum over a singular link is 0 or less (Q 10).
+ *   (ii)   separation  floods from all critical cells that touch a block with an extent of 0 or an arc without positive length (flood.h): links and
+ *                    regions first; nodes, of which a coincidence the former see only sideways, where that finds nothing. A meeting gives the constraint
+ *                    that the displacement of its two cells, in the directions perpendicular to both in which they differ in the input, is at least 1
+ *                    in the input's direction, or the sum of several such directions (Q 11, Fig. 10).
+ *   (iii)  region    generators of the loops of each region (cocycle.h): one whose displacement is 0 has collapsed (Q 12).
+ *   (iv)   volume    the same for the volume, and loops that floods find, whichever they are. Of Q 12 only this is asked: not that
+ *                    a loop keeps its displacement in each direction, but that one is left.
+ *
+ * (iii) and (iv) are looked at when (ii) finds nothing (Q 5.3.5). Where all lengths are positive nothing coincides and there is nothing to look for.
+ *
+ * Invariant: each constraint appended is broken by the given lengths and satisfied by the input's own lengths, multiplied by any positive integer.
+ */
+#ifndef BW_QUANTIZE_VALIDITY_H
+#define BW_QUANTIZE_VALIDITY_H
+
+#include "quantize/constraint.h"
+#include "quantize/critical.h"
+
+typedef struct bw_validity bw_validity;
+
+/* Prepares the search; the complex is borrowed until bw_validity_free, the cells are not. */
+bw_status bw_validity_new(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_validity **out);
+/* Appends constraints that length[arc] breaks; if none is appended, the quantization is valid. The same lengths give the same constraints. */
+bw_status bw_validity_separate(bw_validity *validity, const int64_t *length, bw_constraint_list *violated);
+void bw_validity_free(bw_context *ctx, bw_validity *validity); /* NULL is fine */
+
+typedef struct {
+    size_t links, regions, nodes;                 /* critical entities */
+    size_t region_generators, volume_generators;
+    uint64_t calls, floods, states;               /* work so far */
+} bw_validity_figures;
+
+bw_validity_figures bw_validity_count(const bw_validity *validity);
+
+/* What was found out about the complex; borrowed from `validity`. */
+const bw_surface *bw_validity_surface(const bw_validity *validity);
+const bw_critical *bw_validity_critical(const bw_validity *validity);
+
+#endif
