@@ -72,8 +72,20 @@ static section *find(sections *all, const char *tag) {
     return NULL;
 }
 
+/* Sets one of the sizes in "counts", or adds to it. */
+static void change_size(sections *all, size_t which, bool add, uint64_t value) {
+    section *counts = find(all, "counts");
+    size_t words = counts ? counts->elem_size * counts->count / 8 : 0;
+    uint64_t before;
+    if (!words) return;
+    uint8_t *at = counts->bytes + which % words * 8;
+    memcpy(&before, at, 8);
+    if (add) value += before;
+    memcpy(at, &value, 8);
+}
+
 static void edit(sections *all, size_t which, uint8_t verb, unsigned value) {
-    section *s = &all->list[which % all->count], *counts = find(all, "counts");
+    section *s = &all->list[which % all->count];
     size_t bytes = s->elem_size * s->count;
     uint64_t number;
     switch (verb & 7) {
@@ -95,21 +107,14 @@ static void edit(sections *all, size_t which, uint8_t verb, unsigned value) {
         break;
     case 5: /* a section and one of the sizes together */
         resize(s, value % GROWTH_MOST);
-        number = s->count;
-        if (counts && counts->count) memcpy(counts->bytes + (verb >> 3) % (counts->elem_size * counts->count / 8) * 8, &number, 8);
+        change_size(all, verb >> 3, false, s->count);
         break;
     case 6: /* one of the sizes */
-        if (counts && counts->count) {
-            uint8_t *at = counts->bytes + (verb >> 3) % (counts->elem_size * counts->count / 8) * 8;
-            memcpy(&number, at, 8);
-            number += (uint64_t)(int64_t)(int8_t)value;
-            memcpy(at, &number, 8);
-        }
+        change_size(all, verb >> 3, true, (uint64_t)(int64_t)(int8_t)value);
         break;
     default:
         if (s->count > 1) resize(s, s->count - 1);
     }
-    if (counts && counts != s && counts->elem_size * counts->count < 8) resize(counts, 8 / counts->elem_size + 1);
 }
 
 static bool same_file(const char *a, const char *b) {
