@@ -63,15 +63,19 @@ static double number(const json_t *object, const char *key) { return json_number
 
 static void size_line(const char *label, const json_t *row) {
     const char *status = json_string_value(json_object_get(row, "status"));
-    printf("%-15s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"), number(row, "objective"),
-           number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"), number(row, "distortion"), status ? status : "?");
+    char text[32];
+    printf("%-15s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"),
+           number(row, "objective"), number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"),
+           number(row, "distortion"), cli_safe(text, sizeof text, status ? status : "?"));
 }
 
 /* What was found, and the table over sizes. */
 static void quantization(const json_t *q) {
     const char *range = json_string_value(json_object_get(q, "range"));
+    char text[32];
     if (!range) return;
-    printf("%-15s %s lengths, %.0f free integers, %.3f s", "quantization", range, number(q, "free_integers"), number(q, "seconds"));
+    printf("%-15s %s lengths, %.0f free integers, %.3f s", "quantization", cli_safe(text, sizeof text, range),
+           number(q, "free_integers"), number(q, "seconds"));
     if (number(q, "gap") > 0) printf(", may be better by %.2g %%", 100 * number(q, "gap"));
     if (number(q, "target_hexes") > 0)
         printf(", %s %.0f hexes", json_is_true(json_object_get(q, "target_met")) ? "near" : "as near as found to", number(q, "target_hexes"));

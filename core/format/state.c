@@ -5,7 +5,8 @@
 
 #include "format/container.h"
 
-/* All sizes, in a section of their own; they are read before anything else. */
+/* All sizes, in a section of their own; they are read before anything else. Those of cells go from cell_vertex to distance, those of the
+ * complex from node to torus_splits. */
 typedef struct {
     uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
     uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, distance;
@@ -169,14 +170,12 @@ bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, in
 
 /* What is not there has no size. The sizes of what is there are compared with their sections'. */
 static bool counts_fit(const counts *n) {
-    const uint64_t cells[] = {n->cell_vertex, n->cell_edge, n->cell_half, n->cell_polygon, n->cell};
-    const uint64_t complex[] = {n->node, n->arc, n->patch, n->block, n->arc_edge, n->patch_polygon,
-                                n->patch_chain, n->block_side, n->block_edge, n->torus_splits};
     uint64_t any_cells = 0, any_complex = 0;
-    for (size_t i = 0; i < sizeof cells / sizeof *cells; i++) any_cells |= cells[i];
-    for (size_t i = 0; i < sizeof complex / sizeof *complex; i++) any_complex |= complex[i];
-    return n->has_cells <= 1 && n->has_complex <= n->has_cells && (n->has_cells ? n->cell >= n->tet : !any_cells) &&
-           (n->has_complex || !any_complex) && n->exponent == (int32_t)n->exponent;
+    for (const uint64_t *size = &n->cell_vertex; size <= &n->distance; size++) any_cells |= *size;
+    for (const uint64_t *size = &n->node; size <= &n->torus_splits; size++) any_complex |= *size;
+    return n->has_cells <= 1 && n->has_complex <= n->has_cells && n->has_length <= n->has_complex &&
+           (n->has_cells ? n->cell >= n->tet : !any_cells) && (n->has_complex || !any_complex) &&
+           n->exponent == (int32_t)n->exponent;
 }
 
 static bool begins_fit(const field *f, const size_t *begin) {

@@ -1,7 +1,7 @@
 /* The state of a job between two stages, and its file: what one worker leaves for the next.
  *
- * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too, after quantize integer lengths if they were asked for; the report
- * always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
+ * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too, after quantize
+ * integer lengths if they were asked for; the report always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
  * own blocks. State files are written and read by this program only and carry a checksum: once that is right, sizes and
  * offsets are checked all the same, so that reading and writing are safe whatever the file is; what the elements say is trusted.
  *

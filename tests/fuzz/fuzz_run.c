@@ -51,6 +51,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     bw_options_defaults(&options);
     options.complex = *data & 1 ? BW_COMPLEX_BC : BW_COMPLEX_MC;
     options.reduce = (bw_reduce_mode)(*data >> 1 & 3) % 3;
+    if ((*data >> 1 & 3) == 3) {
+        options.complex = BW_COMPLEX_SERIAL;
+        options.quantize = *data & 1 ? BW_QUANTIZE_NONNEGATIVE : BW_QUANTIZE_POSITIVE;
+        options.time_limit = 0.5;
+    }
     options.self_adjacent = *data & 8 ? BW_SELF_ADJACENT_SPLIT : BW_SELF_ADJACENT_ALLOW;
     options.effort = *data >> 4 & 1;
     options.vtk = *data >> 5 & 1;
