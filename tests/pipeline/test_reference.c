@@ -1,4 +1,5 @@
-/* Real inputs: every one passes all stages and their checks, and has the reference's base complex, which the geometry defines. */
+/* Real inputs: every one passes all stages and their checks, has the reference's base complex, which the geometry defines, and no more blocks than
+ * the reference leaves after reduction. */
 #include "kit/kit.h"
 
 #include <jansson.h>
@@ -7,24 +8,30 @@
 
 #include "format/hexex.h"
 #include "stage/build.h"
+#include "stage/reduce.h"
 #include "stage/sanitize.h"
 #include "stage/trace.h"
 
-/* Blocks of the base complex as the reference has it; 0 where it has none. Its singular edges in *singular. */
-static size_t reference_blocks(const json_t *all, const char *name, size_t *singular) {
-    const json_t *entry = json_object_get(all, name);
-    const json_t *bc = json_object_get(json_object_get(entry, "mc3d"), "base_complex");
-    *singular = (size_t)json_integer_value(json_object_get(entry, "singular_edges"));
-    return (size_t)json_integer_value(json_object_get(bc, "blocks"));
+/* Blocks as the reference has them, 0 where it has none: of the complex after tracing, after reduction, and of the base complex. */
+typedef struct {
+    size_t raw, reduced, base, singular;
+} reference;
+
+static reference reference_of(const json_t *all, const char *name) {
+    const json_t *entry = json_object_get(all, name), *mc3d = json_object_get(entry, "mc3d");
+    return (reference){(size_t)json_integer_value(json_object_get(json_object_get(mc3d, "raw"), "blocks")),
+                       (size_t)json_integer_value(json_object_get(json_object_get(mc3d, "mc_plus"), "blocks")),
+                       (size_t)json_integer_value(json_object_get(json_object_get(mc3d, "base_complex"), "blocks")),
+                       (size_t)json_integer_value(json_object_get(entry, "singular_edges"))};
 }
 
 typedef struct {
-    size_t blocks, singular;
+    size_t blocks, reduced, singular;
     bw_status status;
     char message[480];
 } outcome;
 
-static outcome run(const char *path, bw_complex_kind kind) {
+static outcome run(const char *path, bw_complex_kind kind, bw_reduce_mode mode) {
     bw_context ctx;
     bw_context_init(&ctx);
     bw_tet_mesh mesh = {0};
@@ -38,7 +45,10 @@ static outcome run(const char *path, bw_complex_kind kind) {
     if (status == BW_OK) status = bw_trace(&ctx, &cells, kind, 200000);
     if (status == BW_OK) status = bw_cells_check(&ctx, &cells);
     if (status == BW_OK) status = bw_build_complex(&ctx, &cells, &(bw_build_options){.max_cells = 200000}, &complex);
-    outcome result = {complex.block_count, report.singular_interior + report.singular_boundary, status, ""};
+    size_t blocks = complex.block_count;
+    bw_reduce_report reduced = {0};
+    if (status == BW_OK) status = bw_reduce(&ctx, &cells, &complex, &(bw_reduce_options){.mode = mode, .effort = 1}, &reduced);
+    outcome result = {blocks, reduced.blocks, report.singular_interior + report.singular_boundary, status, ""};
     snprintf(result.message, sizeof result.message, "%s", ctx.error.message);
     bw_complex_clear(&ctx, &complex);
     bw_cells_clear(&ctx, &cells);
@@ -48,7 +58,7 @@ static outcome run(const char *path, bw_complex_kind kind) {
     return result;
 }
 
-static void every_shared_input_has_the_reference_base_complex(void **state) {
+static void shared_inputs_have_the_reference_base_complex_and_no_more_blocks(void **state) {
     (void)state;
     const char *folder = kit_shared("data/tet");
     json_error_t error;
@@ -59,26 +69,29 @@ static void every_shared_input_has_the_reference_base_complex(void **state) {
     assert_true(count > 0);
     for (size_t i = 0; i < count; i++) {
         char name[256], path[1024];
-        size_t singular;
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);
         snprintf(name, sizeof name, "%.*s", (int)(strlen(names[i]) - strlen(".hexex")), names[i]);
-        size_t known = reference_blocks(all, name, &singular);
-        outcome mc = run(path, BW_COMPLEX_MC);
+        reference known = reference_of(all, name);
+        outcome mc = run(path, BW_COMPLEX_MC, BW_REDUCE_KEEP_SINGULAR), full = run(path, BW_COMPLEX_MC, BW_REDUCE_FULL);
         if (mc.status != BW_OK) fail_msg("%s: %s", name, mc.message);
-        assert_int_equal(mc.singular, singular);
-        outcome serial = run(path, BW_COMPLEX_SERIAL);
+        if (full.status != BW_OK) fail_msg("%s, fully reduced: %s", name, full.message);
+        assert_int_equal(mc.singular, known.singular);
+        assert_in_range(full.reduced, 1, mc.reduced);
+        if (known.reduced) assert_in_range(mc.reduced, 1, known.reduced);
+        outcome serial = run(path, BW_COMPLEX_SERIAL, BW_REDUCE_KEEP_SINGULAR);
         if (serial.status != BW_OK) fail_msg("%s, serial: %s", name, serial.message);
         assert_in_range(serial.blocks, 1, mc.blocks);
-        outcome bc = run(path, BW_COMPLEX_BC);
-        if (known) {
-            if (bc.status != BW_OK || bc.blocks != known) fail_msg("%s: base complex %zu blocks, reference %zu (%s)", name, bc.blocks, known, bc.message);
+        outcome bc = run(path, BW_COMPLEX_BC, BW_REDUCE_FULL);
+        if (known.base) {
+            if (bc.status != BW_OK || bc.blocks != known.base)
+                fail_msg("%s: base complex %zu blocks, reference %zu (%s)", name, bc.blocks, known.base, bc.message);
             assert_in_range(mc.blocks, 1, bc.blocks);
             compared++;
         } else { /* the reference has none; ours either is valid or too large */
             assert_true(bc.status == BW_OK || bc.status == BW_E_LIMIT);
         }
-        print_message("%-30s mc %4zu  serial %4zu  bc %4zu  reference bc %4zu\n", name, mc.blocks, serial.blocks, bc.blocks,
-                      known);
+        print_message("%-30s raw %3zu (%3zu)  mc+ %3zu (%3zu)  mc %3zu  bc %4zu (%3zu)  bc- %3zu  serial %3zu, %3zu\n", name, mc.blocks, known.raw,
+                      mc.reduced, known.reduced, full.reduced, bc.blocks, known.base, bc.reduced, serial.blocks, serial.reduced);
     }
     assert_true(compared >= 20);
     kit_names_free(names, count);
@@ -86,6 +99,6 @@ static void every_shared_input_has_the_reference_base_complex(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(every_shared_input_has_the_reference_base_complex)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(shared_inputs_have_the_reference_base_complex_and_no_more_blocks)};
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
 }
