@@ -10,6 +10,7 @@
  *  volume    the volumes of all boxes add up to that of the map. The chart of a block is a local homeomorphism onto its box that takes
  *            boundary to boundary, hence a covering of one or more sheets; equal sums mean one sheet each.
  */
+#include "base/parallel.h"
 #include "complex/complex.h"
 
 typedef struct {
@@ -17,6 +18,13 @@ typedef struct {
     const bw_cells *cells;
     const bw_complex *x;
 } checker;
+
+/* The checker for a range of items, which has a context of its own. */
+static checker of_range(bw_context *ctx, const void *user) {
+    checker k = *(const checker *)user;
+    k.ctx = ctx;
+    return k;
+}
 
 #define VIOLATED(k, ...) bw_fail((k)->ctx, BW_E_CHECK, "block complex: " __VA_ARGS__)
 
@@ -97,35 +105,60 @@ static bool same_chart(const bw_complex *x, const bw_cell cell[2], const bw_tran
     return x->cell_block[cell[0]] == x->cell_block[cell[1]] && bw_transition_equal(&other, bw_complex_chart(x, cell[0]));
 }
 
-/* Neighbouring cells of a block have the same chart, and every wall polygon lies in a side of the box of its block. */
-static bw_status check_charts(const checker *k) {
+/* Neighbouring cells of a block have the same chart: in tets that are not opened, ... */
+static bw_status check_facets(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const checker own = of_range(ctx, user), *k = &own;
     const bw_cells *c = k->cells;
-    const bw_complex *x = k->x;
-    for (size_t f = 0; f < c->mesh->facet_count; f++) {
+    (void)range;
+    for (size_t f = begin; f < end; f++) {
         if (c->of_facet[f] != BW_NONE) continue;
         const bw_tet *tet = c->mesh->facet_tet[f];
         bw_transition across = bw_grid_map_across(c->mesh, c->map, (bw_facet)f, tet[0]);
-        if (!same_chart(x, tet, &across)) return VIOLATED(k, "cells %d and %d of one block are laid out differently", tet[0], tet[1]);
-    }
-    for (size_t p = 0; p < c->polygon_count; p++) {
-        const bw_cell_polygon *q = &c->polygon[p];
-        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p)) continue;
-        if (!(q->flags & BW_WALL)) {
-            bw_transition across;
-            if (q->kind == BW_IN_FACET) across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
-            if (!same_chart(x, q->cell, q->kind == BW_IN_FACET ? &across : NULL))
-                return VIOLATED(k, "cells %d and %d of one block are laid out differently", q->cell[0], q->cell[1]);
-            continue;
-        }
-        for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) {
-            bw_plane plane = bw_cells_polygon_plane(c, (bw_polygon)p, bw_cells_tet(c, q->cell[s]));
-            if (plane.axis < 0) return VIOLATED(k, "wall polygon %zu is not aligned", p);
-            plane = bw_transition_plane(bw_complex_chart(x, q->cell[s]), plane);
-            if (plane.value != 0 && plane.value != x->block_extent[x->cell_block[q->cell[s]]][plane.axis])
-                return VIOLATED(k, "wall polygon %zu is in no side of block %d", p, x->cell_block[q->cell[s]]);
-        }
+        if (!same_chart(k->x, tet, &across)) return VIOLATED(k, "cells %d and %d of one block are laid out differently", tet[0], tet[1]);
     }
     return BW_OK;
+}
+
+/* Every wall polygon lies in a side of the box of its block. */
+static bw_status check_wall(const checker *k, bw_polygon p) {
+    const bw_cells *c = k->cells;
+    const bw_complex *x = k->x;
+    const bw_cell_polygon *q = &c->polygon[p];
+    for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) {
+        bw_plane plane = bw_cells_polygon_plane(c, p, bw_cells_tet(c, q->cell[s]));
+        if (plane.axis < 0) return VIOLATED(k, "wall polygon %d is not aligned", p);
+        plane = bw_transition_plane(bw_complex_chart(x, q->cell[s]), plane);
+        if (plane.value != 0 && plane.value != x->block_extent[x->cell_block[q->cell[s]]][plane.axis])
+            return VIOLATED(k, "wall polygon %d is in no side of block %d", p, x->cell_block[q->cell[s]]);
+    }
+    return BW_OK;
+}
+
+/* ... and across polygons. */
+static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const checker own = of_range(ctx, user), *k = &own;
+    const bw_cells *c = k->cells;
+    bw_status status = BW_OK;
+    (void)range;
+    for (size_t p = begin; p < end && status == BW_OK; p++) {
+        const bw_cell_polygon *q = &c->polygon[p];
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p)) continue;
+        if (q->flags & BW_WALL) {
+            status = check_wall(k, (bw_polygon)p);
+            continue;
+        }
+        bw_transition across;
+        if (q->kind == BW_IN_FACET) across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
+        if (!same_chart(k->x, q->cell, q->kind == BW_IN_FACET ? &across : NULL))
+            status = VIOLATED(k, "cells %d and %d of one block are laid out differently", q->cell[0], q->cell[1]);
+    }
+    return status;
+}
+
+/* Runs a check of items on the job's threads. */
+static bw_status check_all(const checker *k, size_t count, bw_parallel_work *check) {
+    enum { LEAST = 4096 }; /* fewer items are not worth a thread */
+    return bw_parallel(k->ctx, count, bw_parallel_ranges(k->ctx, count, LEAST), check, (void *)k);
 }
 
 /* Whether a vertex lies in the box of the block of `cell`, one of its cells. */
@@ -145,9 +178,11 @@ static bool is_inside(const checker *k, bw_cell cell, bw_cvertex vertex) {
 
 /* Every block lies in its box. A coordinate of its chart, which is one-to-one near every point inside, is largest and smallest on its walls; these are flat
  * in the chart, so it is on their rims: on arcs. */
-static bw_status check_inside(const checker *k) {
+static bw_status check_inside(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const checker own = of_range(ctx, user), *k = &own;
     const bw_cells *c = k->cells;
-    for (size_t i = 0; i < k->x->arc_edge_begin[k->x->arc_count]; i++) {
+    (void)range;
+    for (size_t i = begin; i < end; i++) {
         const bw_cell_edge *e = &c->edge[k->x->arc_edge[i]];
         bw_half h = e->half;
         do {
@@ -261,8 +296,9 @@ bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_comp
     bw_status status = check_arcs(&k);
     if (status == BW_OK) status = check_patches(&k);
     for (size_t b = 0; b < complex->block_count && status == BW_OK; b++) status = check_block(&k, b);
-    if (status == BW_OK) status = check_charts(&k);
-    if (status == BW_OK) status = check_inside(&k);
+    if (status == BW_OK) status = check_all(&k, cells->mesh->facet_count, check_facets);
+    if (status == BW_OK) status = check_all(&k, cells->polygon_count, check_polygons);
+    if (status == BW_OK) status = check_all(&k, complex->arc_edge_begin[complex->arc_count], check_inside);
     if (status == BW_OK) status = check_singular(&k);
     if (status == BW_OK) status = check_features(&k);
     if (status == BW_OK) status = check_topology(&k);

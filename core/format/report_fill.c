@@ -34,10 +34,18 @@ static uint64_t count_none(const int32_t *list, size_t n) {
     return count;
 }
 
+static bool was_cut(const bw_cells *cells, bw_tet tet) {
+    bw_polygon p = cells->first[tet];
+    while (p != BW_NONE && cells->polygon[p].kind != BW_IN_TET) p = bw_cells_next_in_cell(cells, p, tet);
+    return p != BW_NONE;
+}
+
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
     report->has_trace = true;
     report->trace.vertices = cells->vertex_count;
     report->trace.cells = cells->cell_count;
+    report->trace.cut_cells = cells->cell_count - cells->mesh->tet_count;
+    for (size_t t = 0; t < cells->mesh->tet_count; t++) report->trace.cut_cells += was_cut(cells, (bw_tet)t);
     report->trace.edges = count_none(cells->of_edge, cells->mesh->edge_count);
     report->trace.polygons = count_none(cells->of_facet, cells->mesh->facet_count);
     report->trace.wall_polygons = report->trace.boundary_polygons = 0;

@@ -69,6 +69,7 @@ static const field fields[] = {
     TRACE(COUNT, edges),
     TRACE(COUNT, polygons),
     TRACE(COUNT, cells),
+    TRACE(COUNT, cut_cells),
     TRACE(COUNT, wall_polygons),
     TRACE(COUNT, boundary_polygons),
     COMPLEX(TEXT, kind),

@@ -86,6 +86,7 @@ typedef struct {
 
     struct {
         uint64_t vertices, edges, polygons, cells; /* of the cut complex; leaves only */
+        uint64_t cut_cells;                        /* those of them in tets that were cut */
         uint64_t wall_polygons;                    /* inside; boundary polygons are counted apart */
         uint64_t boundary_polygons;
     } trace;

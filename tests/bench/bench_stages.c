@@ -3,9 +3,9 @@
  *     bench_stages [options] [FILE ...]          sample models if no file is given
  *
  * Two lines an input: seconds of each stage and their sum from trace to reduce, then peak MB of each and the
- * most from trace to reduce, that in bytes per tet and per cell, and as a part of 300 bytes per tet + 500 per
- * cell. With --refine and --compare a line of ratios follows. Files are in the page cache; MB are 10^6 bytes;
- * cells and walls are those of the result.
+ * most from trace to reduce, that in bytes per tet and per cut cell, and as a part of 300 bytes per tet + 500 per
+ * cut cell. With --refine and --compare a line of ratios follows. Files are in the page cache; MB are 10^6 bytes;
+ * cut cells (those of tets that a wall cuts) and walls are those of the result.
  */
 #include <getopt.h>
 #include <jansson.h>
@@ -34,7 +34,7 @@ static const char usage[] =
     "growth\n"
     "      --compare                            each input as mc and as bc, with the ratios bc / mc\n"
     "      --max-cells N                        work limit: cells that cuts add\n"
-    "      --threads N                          (default 1)\n"
+    "      --threads N                          (default: the cores of the machine)\n"
     "  -h, --help\n";
 
 enum { LOAD, SANITIZE, TRACE, BUILD, REDUCE, QUANTIZE, ENCODE, STAGES };
@@ -83,7 +83,7 @@ static bool read_report(const char *folder, figures *f) {
     const json_t *complex = json_object_get(root, "complex");
     *f = (figures){.tets = number(json_object_get(root, "input"), "tets"),
                    .bytes = number(json_object_get(root, "input"), "bytes"),
-                   .cells = number(json_object_get(root, "trace"), "cells"),
+                   .cells = number(json_object_get(root, "trace"), "cut_cells"),
                    .walls = number(json_object_get(root, "trace"), "wall_polygons"),
                    .raw = number(json_object_get(complex, "raw"), "blocks"),
                    .reduced = number(json_object_get(complex, "reduced"), "blocks")};
@@ -125,7 +125,7 @@ static bool measure(const bench *b, const char *input, bw_complex_kind kind, fig
 static void print_head(void) {
     printf("\n%-34s %9s %7s", "input", "tets", "MB/s");
     for (int s = 0; s < STAGES; s++) printf(" %9s", stage_name[s]);
-    printf(" %9s %9s %9s %6s %7s\n%-34s %9s %7s%60s %9s %9s %9s %6s\n", "t+b+r", "cells", "walls", "raw",
+    printf(" %9s %9s %9s %6s %7s\n%-34s %9s %7s%60s %9s %9s %9s %6s\n", "t+b+r", "cut cells", "walls", "raw",
            "reduced", "", "", "", "peak MB of each", "most", "B/tet", "B/cell", "quota");
 }
 
@@ -286,7 +286,7 @@ static void remove_folder(const char *folder) {
 }
 
 int main(int argc, char **argv) {
-    bench b = {.repeat = 5, .threads = 1, .folder = "/tmp/bw-bench-XXXXXX"};
+    bench b = {.repeat = 5, .threads = (int)sysconf(_SC_NPROCESSORS_ONLN), .folder = "/tmp/bw-bench-XXXXXX"};
     bw_options_defaults(&b.options);
     if (!read_arguments(&b, argc, argv)) return fputs(usage, stderr), 2;
     if (!mkdtemp(b.folder)) return perror(b.folder), 5;
