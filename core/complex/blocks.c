@@ -95,6 +95,8 @@ static bw_status flood_block(flood *f, bw_cell lowest) {
 static bw_status lay_out(bw_build *b) {
     bw_complex *x = b->complex;
     flood f = {.b = b, .done = bw_alloc(b->ctx, x->cell_count, 1)};
+    x->cell_block = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_block);
+    x->cell_chart = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_chart);
     bw_status status = b->ctx->error.status;
     for (size_t i = 0; i < x->cell_count && status == BW_OK; i++) x->cell_block[i] = BW_NONE;
     for (size_t i = 0; i < x->cell_count && status == BW_OK; i++)
@@ -103,6 +105,88 @@ static bw_status lay_out(bw_build *b) {
     bw_free(b->ctx, f.stack), bw_free(b->ctx, f.done);
     return status;
 }
+
+/* ---- joining ------------------------------------------------------------------------------------------------------- */
+
+/* Disjoint sets of blocks; a root is the lowest of its set, like the cells that number them. */
+typedef struct {
+    bw_block *parent;
+    bw_transition *chart; /* from the chart of a block to that of its parent */
+    uint8_t *twisted;     /* reached with two different charts */
+} forest;
+
+static bw_block root_of(const forest *f, bw_block x, bw_transition *chart) {
+    *chart = (bw_transition){{0, 0, 0}, 0};
+    for (; f->parent[x] != x; x = f->parent[x]) *chart = bw_transition_compose(&f->chart[x], chart);
+    return x;
+}
+
+/* Joins blocks a and b; `across` leads from the chart of b to that of a. */
+static void join(forest *f, bw_block a, bw_block b, const bw_transition *across) {
+    bw_transition up[2];
+    bw_block root[2] = {root_of(f, a, &up[0]), root_of(f, b, &up[1])};
+    bw_transition direct = bw_transition_compose(&up[0], across); /* from the chart of b to that of a's root */
+    if (root[0] == root[1]) {
+        if (!bw_transition_equal(&direct, &up[1])) f->twisted[root[0]] = 1;
+        return;
+    }
+    bw_transition back = bw_transition_inverse(&up[1]);
+    direct = bw_transition_compose(&direct, &back);
+    int low = root[0] < root[1] ? 0 : 1;
+    f->parent[root[!low]] = root[low];
+    f->chart[root[!low]] = low == 0 ? direct : bw_transition_inverse(&direct);
+    f->twisted[root[low]] |= f->twisted[root[!low]];
+}
+
+static void join_across_gone_walls(const bw_build *b, forest *f) {
+    const bw_complex *old = b->before;
+    for (size_t p = 0; p < old->patch_count; p++) {
+        bw_polygon first = old->patch_polygon[old->patch_polygon_begin[p]];
+        if (b->cells->polygon[first].flags & BW_WALL) continue;
+        bw_transition across = bw_complex_across(b->cells, old, (bw_patch)p);
+        join(f, old->patch_block[p][0], old->patch_block[p][1], &across);
+    }
+}
+
+/* Takes cells and charts over from the complex before, with the numbers of the joined blocks. */
+static bw_status relabel(bw_build *b, const forest *f) {
+    bw_complex *x = b->complex, *old = b->before;
+    bw_transition chart;
+    bw_block *number = bw_alloc(b->ctx, old->block_count, sizeof *number), *of_chart = bw_alloc(b->ctx, old->chart_count, sizeof *of_chart);
+    b->not_cuboid = bw_alloc(b->ctx, old->block_count, 1);
+    bw_status status = b->ctx->error.status;
+    for (size_t i = 0; i < old->block_count && status == BW_OK; i++) {
+        bw_block root = root_of(f, (bw_block)i, &chart);
+        number[i] = root == (bw_block)i ? (bw_block)x->block_count++ : number[root];
+        b->not_cuboid[number[i]] |= f->twisted[i];
+    }
+    for (size_t i = 0; i < old->cell_count && status == BW_OK; i++) {
+        of_chart[old->cell_chart[i]] = old->cell_block[i];
+        old->cell_block[i] = number[old->cell_block[i]];
+    }
+    for (size_t i = 0; i < old->chart_count && status == BW_OK; i++) {
+        root_of(f, of_chart[i], &chart);
+        old->chart[i] = bw_transition_compose(&chart, &old->chart[i]);
+    }
+    x->cell_block = old->cell_block, x->cell_chart = old->cell_chart, x->chart = old->chart, x->chart_count = old->chart_count;
+    old->cell_block = NULL, old->cell_chart = NULL, old->chart = NULL;
+    bw_free(b->ctx, number), bw_free(b->ctx, of_chart);
+    return status;
+}
+
+/* The blocks of the complex before, joined where walls were taken away. */
+static bw_status join_blocks(bw_build *b) {
+    size_t n = b->before->block_count;
+    forest f = {bw_alloc(b->ctx, n, sizeof *f.parent), bw_alloc(b->ctx, n, sizeof *f.chart), bw_alloc(b->ctx, n, 1)};
+    bw_status status = b->ctx->error.status;
+    for (size_t i = 0; i < n && status == BW_OK; i++) f.parent[i] = (bw_block)i;
+    if (status == BW_OK) join_across_gone_walls(b, &f);
+    if (status == BW_OK) status = relabel(b, &f);
+    bw_free(b->ctx, f.parent), bw_free(b->ctx, f.chart), bw_free(b->ctx, f.twisted);
+    return status;
+}
+
+/* ---- boxes --------------------------------------------------------------------------------------------------------- */
 
 /* Whether the first cell of a wall polygon lies below its plane (smaller coordinates), in the chart of that cell's tet. */
 static bool first_cell_is_below(const bw_cells *c, bw_polygon p) {
@@ -171,10 +255,7 @@ static bw_status move_to_origin(bw_build *b) {
 bw_status bw_build_blocks(bw_build *b) {
     bw_complex *x = b->complex;
     x->cell_count = b->cells->cell_count;
-    x->cell_block = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_block);
-    x->cell_chart = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_chart);
-    bw_status status = b->ctx->error.status;
-    if (status == BW_OK) status = lay_out(b);
+    bw_status status = b->before ? join_blocks(b) : lay_out(b);
     if (status != BW_OK) return status;
     x->block_extent = bw_alloc(b->ctx, x->block_count, sizeof *x->block_extent);
     b->low = bw_alloc(b->ctx, x->block_count, sizeof *b->low);

@@ -8,6 +8,7 @@ typedef struct {
     bw_context *ctx;
     const bw_cells *cells;
     bw_complex *complex;
+    bw_complex *before;     /* NULL, or the complex when there were more walls: gives its arrays of cells and charts away */
     bw_arc *edge_arc;       /* [cell complex edge]: its arc; BW_NONE if walls pass it flat, or it carries none */
     bw_node *vertex_node;   /* [cell complex vertex] */
     int64_t (*low)[3];      /* [block]: its box in its chart, before the low corner is moved to the origin */

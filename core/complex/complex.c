@@ -37,9 +37,9 @@ static bw_status list_tori(bw_build *b, bw_torus_list *tori) {
     return BW_OK;
 }
 
-bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori) {
+static bw_status build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_complex *before, bw_torus_list *tori) {
     memset(complex, 0, sizeof *complex);
-    bw_build b = {.ctx = ctx, .cells = cells, .complex = complex};
+    bw_build b = {.ctx = ctx, .cells = cells, .complex = complex, .before = before};
     b.edge_arc = bw_alloc(ctx, cells->edge_count, sizeof *b.edge_arc);
     b.vertex_node = bw_alloc(ctx, cells->vertex_count, sizeof *b.vertex_node);
     b.polygon_patch = bw_alloc(ctx, cells->polygon_count, sizeof *b.polygon_patch);
@@ -54,5 +54,16 @@ bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *c
     void *scratch[] = {b.edge_arc, b.vertex_node, b.low, b.high, b.not_cuboid, b.polygon_patch, b.polygon_slot, b.polygon_side};
     for (size_t i = 0; i < sizeof scratch / sizeof *scratch; i++) bw_free(ctx, scratch[i]);
     if (status != BW_OK) bw_complex_clear(ctx, complex);
+    return status;
+}
+
+bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori) {
+    return build(ctx, cells, complex, NULL, tori);
+}
+
+bw_status bw_complex_rebuild(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori) {
+    bw_complex before = *complex;
+    bw_status status = build(ctx, cells, complex, &before, tori);
+    bw_complex_clear(ctx, &before);
     return status;
 }

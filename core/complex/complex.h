@@ -97,6 +97,10 @@ typedef struct {
  * chains, corners and side lists; the caller splits them and builds anew. Errors: BW_E_CHECK naming what is not as MC 4.1 says. */
 bw_status bw_complex_build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori);
 
+/* The same for a complex of these cells that was built before some of their walls were taken away: its blocks are joined where no wall parts
+ * them any more, which is much less work than to find them. */
+bw_status bw_complex_rebuild(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_torus_list *tori);
+
 /* Verifies every property of MC 4.1 and of the numbering above. BW_E_CHECK naming the first violation. */
 bw_status bw_complex_check(bw_context *ctx, const bw_cells *cells, const bw_complex *complex);
 

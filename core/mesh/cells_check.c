@@ -26,6 +26,8 @@ typedef struct {
 typedef struct {
     const bw_cells *c;
     uint8_t *half_seen; /* [half]: IN_RING, IN_CYCLE */
+    uint32_t *begin;    /* [tet + 1]: the cells that cuts made in it, in `cut`; tet by tet, for neighbours share memory */
+    bw_cell *cut;
     scratch range[BW_PARALLEL_MOST];
 } checker;
 
@@ -214,14 +216,31 @@ static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_c
     return status;
 }
 
-static bw_status check_cells(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+static bw_status check_tets(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
     checker *k = user;
     bw_status status = BW_OK;
-    for (size_t cell = begin; cell < end && status == BW_OK; cell++) {
-        if (cell < k->c->mesh->tet_count) status = check_whole(ctx, k->c, (bw_tet)cell);
-        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)cell)) status = check_cell(ctx, k->c, &k->range[range], (bw_cell)cell);
+    for (size_t t = begin; t < end && status == BW_OK; t++) {
+        status = check_whole(ctx, k->c, (bw_tet)t);
+        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k->c, &k->range[range], (bw_cell)t);
+        for (uint32_t i = k->begin[t]; i < k->begin[t + 1] && status == BW_OK; i++)
+            if (bw_cells_is_open(k->c, k->cut[i])) status = check_cell(ctx, k->c, &k->range[range], k->cut[i]);
     }
     return status;
+}
+
+static bw_status sort_by_tet(bw_context *ctx, checker *k) {
+    const bw_cells *c = k->c;
+    size_t tets = c->mesh->tet_count, cuts = c->cell_count - tets;
+    k->begin = bw_alloc(ctx, tets + 2, sizeof *k->begin);
+    k->cut = bw_alloc(ctx, cuts, sizeof *k->cut);
+    if (!k->begin || !k->cut) return ctx->error.status;
+    for (size_t i = 0; i < cuts; i++) {
+        if (c->cut_from[i] < 0 || (size_t)c->cut_from[i] >= tets) return violated(ctx, "a cell lies in no tet", (int64_t)(tets + i));
+        k->begin[c->cut_from[i] + 2]++;
+    }
+    for (size_t t = 2; t < tets + 2; t++) k->begin[t] += k->begin[t - 1];
+    for (size_t i = 0; i < cuts; i++) k->cut[k->begin[c->cut_from[i] + 1]++] = (bw_cell)(tets + i);
+    return BW_OK;
 }
 
 bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
@@ -233,13 +252,15 @@ bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
     if (status == BW_OK)
         status = bw_parallel(ctx, cells->polygon_count, bw_parallel_ranges(ctx, cells->polygon_count, LEAST), check_polygons, &k);
     bw_free(ctx, k.half_seen);
-    int ranges = bw_parallel_ranges(ctx, cells->cell_count, LEAST);
+    if (status == BW_OK) status = sort_by_tet(ctx, &k);
+    int ranges = bw_parallel_ranges(ctx, cells->mesh->tet_count, LEAST);
     for (int i = 0; i < ranges && status == BW_OK; i++) {
         k.range[i].edge_seen = bw_alloc(ctx, cells->edge_count, sizeof *k.range[i].edge_seen);
         k.range[i].vertex_seen = bw_alloc(ctx, cells->vertex_count, sizeof *k.range[i].vertex_seen);
         status = ctx->error.status;
     }
-    if (status == BW_OK) status = bw_parallel(ctx, cells->cell_count, ranges, check_cells, &k);
+    if (status == BW_OK) status = bw_parallel(ctx, cells->mesh->tet_count, ranges, check_tets, &k);
+    bw_free(ctx, k.begin), bw_free(ctx, k.cut);
     for (int i = 0; i < ranges; i++) bw_free(ctx, k.range[i].edge_seen), bw_free(ctx, k.range[i].vertex_seen);
     return status;
 }

@@ -110,8 +110,7 @@ bw_status bw_reduce(bw_context *ctx, bw_cells *cells, bw_complex *complex, const
     bw_status status = remove_walls(ctx, cells, complex, options, report);
     if (status != BW_OK) return status;
     bw_torus_list tori = {0};
-    bw_complex_clear(ctx, complex);
-    status = bw_complex_build(ctx, cells, complex, &tori);
+    status = bw_complex_rebuild(ctx, cells, complex, &tori);
     if (status == BW_OK && tori.count) status = bw_fail(ctx, BW_E_CHECK, "reduction left %zu blocks that are no cuboids", tori.count);
     bw_free(ctx, tori.cell);
     complex->torus_splits = splits;
