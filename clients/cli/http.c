@@ -27,7 +27,7 @@ typedef struct {
 
 cli_http *cli_http_open(const char *server) {
     cli_http *http = calloc(1, sizeof *http);
-    if (!http || curl_global_init(CURL_GLOBAL_DEFAULT) != CURLE_OK || !(http->curl = curl_easy_init())) {
+    if (!http || curl_global_init(CURL_GLOBAL_DEFAULT) != CURLE_OK) {
         cli_error("out of memory");
         exit(CLI_INTERNAL);
     }
@@ -86,11 +86,21 @@ static int on_transfer(void *user, curl_off_t down_all, curl_off_t down, curl_of
     return 0;
 }
 
+/* A handle of its own for every request: in libcurl 7.88 one that is used again, reset or not, keeps a pointer to the last header of the
+ * answer before, and follows it when the next answer begins with a folded line. */
+static void renew(cli_http *http) {
+    curl_easy_cleanup(http->curl);
+    http->curl = curl_easy_init();
+    if (http->curl) return;
+    cli_error("out of memory");
+    exit(CLI_INTERNAL);
+}
+
 static void prepare(cli_http *http, const char *method, const char *path, sink *s) {
     char url[URL_MAX];
+    renew(http);
     CURL *c = http->curl;
     snprintf(url, sizeof url, "%s%s", http->server, path);
-    curl_easy_reset(c);
     http->error[0] = 0;
     curl_easy_setopt(c, CURLOPT_URL, url);
     curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
