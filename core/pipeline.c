@@ -216,10 +216,10 @@ static bw_status set_scales(bw_context *ctx, bw_options *o, const json_t *value)
 }
 
 static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
-    static const char *const words[] = {"none", "positive"};
+    static const char *const words[] = {"none", "positive", "nonnegative", "any"};
     if (!strcmp(name, "quantize")) {
-        int i = choice(value, words, 2);
-        if (i < 0) return bw_fail(ctx, BW_E_USAGE, "option quantize is \"none\" or \"positive\"");
+        int i = choice(value, words, 4);
+        if (i < 0) return bw_fail(ctx, BW_E_USAGE, "option quantize is \"none\", \"positive\", \"nonnegative\" or \"any\"");
         o->quantize = (bw_quantize_range)i;
     } else if (!strcmp(name, "scale")) {
         o->scale = json_number_value(value);

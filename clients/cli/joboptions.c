@@ -18,7 +18,7 @@ static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
     if (!o->quantize && (sizes || o->scales || o->time_limit > 0))
-        return "a size or time limit of the quantization wants --quantize positive";
+        return "a size or time limit of the quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }
 

@@ -35,8 +35,8 @@ typedef struct {
      "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
     {"repair", 0, CLI_FLAG, offsetof(settings, job.repair), NULL,                                            \
      "re-solve the map where a few tets are inverted or degenerate, if the fix is certain", 0, 0},           \
-    {"quantize", 0, CLI_CHOICE, offsetof(settings, job.quantize), "none|positive",                           \
-     "integer lengths of arcs: none (default), or all at least 1", 0, 0},                                    \
+    {"quantize", 0, CLI_CHOICE, offsetof(settings, job.quantize), "none|positive|nonnegative|any",           \
+     "integer lengths of arcs: none (default), all at least 1, zeros too, negative ones too", 0, 0},         \
     {"scale", 0, CLI_NUMBER, offsetof(settings, job.scale), "S",                                             \
      "their size: S times the length in the map (default 1)", 1e-9, 1e4},                                    \
     {"coarsest", 0, CLI_FLAG, offsetof(settings, job.coarsest), NULL,                                        \

@@ -33,9 +33,9 @@ typedef struct {
 typedef struct {
     char range[16];  /* "positive", "nonnegative", "any" */
     char goal[16];   /* "lengths", or "hexes": then objective, bound and heuristic are numbers of hexes */
-    char status[16]; /* "optimal": nothing valid is better; "gap": it may be better by `gap`; "heuristic": not searched */
+    char status[16]; /* "optimal": nothing that satisfies the constraints (Q 5.3) is better; "gap": it may be better by `gap`; "heuristic": not searched */
     double scale;    /* 0: the coarsest */
-    double objective, bound, gap; /* bound: nothing valid is below it; gap: relative */
+    double objective, bound, gap; /* bound: nothing that satisfies them is below it; gap: relative */
     double heuristic;             /* objective that the search started from */
     double distortion;            /* root mean square error of lengths relative to scale * input length; 0 at scale 0 */
     uint64_t target_hexes;        /* 0: a scale was asked for */

@@ -386,24 +386,42 @@ static bw_status find_start(bw_context *ctx, bw_quant_problem *p, bw_quant_oracl
     return BW_OK;
 }
 
-bw_status bw_quant_heuristic(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle,
-                             bool thorough, const int64_t *start, int64_t *value) {
+/* Descends from values that are valid until the end is valid as well. What is learnt where it is not keeps the next attempt away; it may exclude the values it
+ * began at, too (constraints are sufficient, not necessary), and then others are found that are nearer to the input. */
+static bw_status descend_validly(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle, bool thorough,
+                                 int64_t *unknown, int64_t *next, int64_t *value) {
     size_t n = p->model->class_count;
-    int64_t *next = bw_alloc(ctx, n, sizeof *next), *unknown = bw_alloc(ctx, p->model->free_count, sizeof *unknown);
-    bw_status status = next && unknown ? BW_OK : ctx->error.status;
-    if (status == BW_OK && start) memmove(value, start, n * sizeof *value);
-    else if (status == BW_OK) status = find_start(ctx, p, oracle, unknown, value);
-    for (int retry = 0; retry < RETRIES_MAX && status == BW_OK; retry++) {
-        bool valid = true;
+    for (int retry = 0; retry < RETRIES_MAX; retry++) {
+        bool valid;
+        if (bw_poll(ctx)) return ctx->error.status;
+        if (!bw_quant_problem_allows(p, value) && find_start(ctx, p, oracle, unknown, value)) return ctx->error.status;
         memcpy(next, value, n * sizeof *value);
-        if (!bw_quant_problem_allows(p, value)) break; /* a constraint learnt since excludes it: descent has nowhere to start from */
-        status = bw_quant_descend(ctx, p, moves, next);
-        if (status == BW_OK && thorough) status = improve(ctx, p, moves, next);
-        if (status == BW_OK) status = bw_quant_problem_separate(ctx, p, oracle, next, &valid);
-        if (status != BW_OK || !valid) continue;
+        if (bw_quant_descend(ctx, p, moves, next)) return ctx->error.status;
+        if (thorough && improve(ctx, p, moves, next)) return ctx->error.status;
+        if (bw_quant_problem_separate(ctx, p, oracle, next, &valid)) return ctx->error.status;
+        if (!valid) continue;
         memcpy(value, next, n * sizeof *value);
         break;
     }
+    return BW_OK;
+}
+
+bw_status bw_quant_heuristic(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle,
+                             bool thorough, const int64_t *start, int64_t *value) {
+    size_t n = p->model->class_count;
+    int64_t *first = bw_alloc(ctx, n, sizeof *first), *next = bw_alloc(ctx, n, sizeof *next);
+    int64_t *unknown = bw_alloc(ctx, p->model->free_count, sizeof *unknown);
+    bw_status status = first && next && unknown ? BW_OK : ctx->error.status;
+    if (status == BW_OK && start) {
+        memcpy(first, start, n * sizeof *value);
+        memmove(value, start, n * sizeof *value);
+    } else if (status == BW_OK) {
+        status = find_start(ctx, p, oracle, unknown, value);
+    }
+    if (status == BW_OK) status = descend_validly(ctx, p, moves, oracle, thorough, unknown, next, value);
+    if (status == BW_OK && start && bw_quant_problem_objective(p, first) < bw_quant_problem_objective(p, value))
+        memcpy(value, first, n * sizeof *value);
+    bw_free(ctx, first);
     bw_free(ctx, next);
     bw_free(ctx, unknown);
     return status;

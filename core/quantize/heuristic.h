@@ -24,7 +24,7 @@ void bw_quant_moves_clear(bw_context *ctx, bw_quant_moves *moves);
 /* Moves values, which must be allowed, downhill to a local minimum. */
 bw_status bw_quant_descend(bw_context *ctx, const bw_quant_problem *p, const bw_quant_moves *moves, int64_t *value);
 
-/* Finds valid values. `start`: valid values to begin from, or NULL; thorough: leaves local minima by excursions through invalid values, whose price
+/* Finds valid values. `start`: valid values, or NULL: what is found is no worse; thorough: leaves local minima by excursions through invalid values, whose price
  * rises until they are allowed again, from where it stands and from kicked values. Without a limit it ends by itself: the input's lengths in grid units are
  * valid. BW_E_ALGORITHM if not even those are. */
 bw_status bw_quant_heuristic(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle,

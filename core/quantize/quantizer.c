@@ -19,7 +19,8 @@ bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t 
     *q = (bw_quantizer){.oracle = *oracle};
     bw_status status = bw_quant_model_init(ctx, complex, grid_exponent, &q->model);
     if (status == BW_OK) status = bw_quant_moves_init(ctx, &q->model, &q->moves);
-    if (status == BW_OK) status = bw_quant_problem_init(ctx, &q->model, range, &q->problem);
+    for (int r = BW_QUANTIZE_POSITIVE; r <= (int)range && status == BW_OK; r++)
+        status = bw_quant_problem_init(ctx, &q->model, (bw_quantize_range)r, &q->level[q->levels++]);
     if (status == BW_OK && !(q->value = bw_alloc(ctx, q->model.class_count, sizeof *q->value))) status = ctx->error.status;
     if (status == BW_OK && !(q->best = bw_alloc(ctx, q->model.class_count, sizeof *q->best))) status = ctx->error.status;
     if (status != BW_OK) bw_quantizer_close(ctx, q);
@@ -30,24 +31,52 @@ void bw_quantizer_close(bw_context *ctx, bw_quantizer *q) {
     bw_free(ctx, q->value);
     bw_free(ctx, q->best);
     bw_quant_moves_clear(ctx, &q->moves);
-    bw_quant_problem_clear(ctx, &q->problem);
+    for (size_t k = 0; k < q->levels; k++) bw_quant_problem_clear(ctx, &q->level[k]);
     bw_quant_model_clear(ctx, &q->model);
     *q = (bw_quantizer){0};
 }
 
+/* Positive lengths are valid whatever the complex: nobody need be asked. */
+static bw_quant_oracle *oracle_of(bw_quantizer *q, size_t level, bw_quant_oracle *none) { return level ? &q->oracle : none; }
+
+static void add_work(bw_quant_result *to, const bw_quant_result *from) {
+    to->nodes += from->nodes, to->relaxations += from->relaxations;
+    to->rounds += from->rounds, to->rows += from->rows;
+    to->seconds += from->seconds, to->seconds_separation += from->seconds_separation;
+}
+
 bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, double seconds, bw_quant_result *result) {
-    bw_quant_problem_set_scale(&q->problem, scale);
-    return bw_quant_solve(ctx, &q->problem, &q->moves, &q->oracle, seconds, NULL, q->value, result);
+    bw_quant_result before = {0};
+    bw_quant_oracle none = {0};
+    for (size_t k = 0; k < q->levels; k++) {
+        double left = fmax(seconds - before.seconds, 0);
+        bw_quant_problem_set_scale(&q->level[k], scale);
+        if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, result))
+            return ctx->error.status;
+        add_work(result, &before);
+        before = *result;
+    }
+    return BW_OK;
 }
 
 bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result) {
-    bw_quant_result coarsest;
-    bw_status status = bw_quantizer_solve(ctx, q, 0, seconds, &coarsest);
-    double left = fmax(seconds - coarsest.seconds, 0);
-    if (status == BW_OK) status = bw_quant_fewest(ctx, &q->problem, &q->moves, &q->oracle, left, q->value, result);
-    if (status != BW_OK) return status;
-    result->rounds += coarsest.rounds, result->rows += coarsest.rows, result->nodes += coarsest.nodes;
-    result->seconds += coarsest.seconds, result->seconds_separation += coarsest.seconds_separation;
+    bw_quant_result before = {0};
+    bw_quant_oracle none = {0};
+    for (size_t k = 0; k < q->levels; k++) {
+        bw_quant_result coarsest;
+        double left = fmax(seconds - before.seconds, 0);
+        bw_quant_problem_set_scale(&q->level[k], 0);
+        if (k) memcpy(q->best, q->value, q->model.class_count * sizeof *q->best);
+        if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, &coarsest))
+            return ctx->error.status;
+        if (k && bw_quant_model_hexes(&q->model, q->best) < bw_quant_model_hexes(&q->model, q->value))
+            memcpy(q->value, q->best, q->model.class_count * sizeof *q->best);
+        left = fmax(left - coarsest.seconds, 0);
+        if (bw_quant_fewest(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, q->value, result)) return ctx->error.status;
+        add_work(result, &coarsest);
+        add_work(result, &before);
+        before = *result;
+    }
     return BW_OK;
 }
 
@@ -111,7 +140,9 @@ static bw_status find_scale(aim *a) {
 
 /* From the nearest values found, moves that come nearer, cheapest in the objective first among those that help. */
 static bw_status step_nearer(aim *a, bool *stepped) {
-    const bw_quantizer *q = a->q;
+    bw_quantizer *q = a->q;
+    bw_quant_problem *p = bw_quantizer_problem(q);
+    bw_quant_oracle none = {0};
     const bw_quant_moves *m = &q->moves;
     size_t n = q->model.class_count, best_move = 0;
     double best_miss = fabs(a->nearest - a->target);
@@ -122,19 +153,19 @@ static bw_status step_nearer(aim *a, bool *stepped) {
             memcpy(q->value, q->best, n * sizeof *q->value);
             for (size_t i = m->begin[k]; i < m->begin[k + 1]; i++) q->value[m->term[i].index] += sign * m->term[i].factor;
             double miss = fabs((double)bw_quant_model_hexes(&q->model, q->value) - a->target);
-            if (miss < best_miss && bw_quant_problem_allows(&q->problem, q->value)) best_miss = miss, best_move = k, best_sign = sign;
+            if (miss < best_miss && bw_quant_problem_allows(p, q->value)) best_miss = miss, best_move = k, best_sign = sign;
         }
     if (!best_sign) return BW_OK;
     bool valid;
     memcpy(q->value, q->best, n * sizeof *q->value);
     for (size_t i = m->begin[best_move]; i < m->begin[best_move + 1]; i++) q->value[m->term[i].index] += best_sign * m->term[i].factor;
-    if (bw_quant_problem_separate(a->ctx, &a->q->problem, &a->q->oracle, q->value, &valid)) return a->ctx->error.status;
+    if (bw_quant_problem_separate(a->ctx, p, oracle_of(q, q->levels - 1, &none), q->value, &valid)) return a->ctx->error.status;
     *stepped = true; /* where it was invalid, what was learnt excludes it next time */
     if (!valid) return BW_OK;
     memcpy(q->best, q->value, n * sizeof *q->best);
     a->nearest = (double)bw_quant_model_hexes(&q->model, q->best);
-    bw_quant_problem_set_scale(&a->q->problem, a->scale);
-    a->result.objective = bw_quant_problem_objective(&q->problem, q->best);
+    bw_quant_problem_set_scale(p, a->scale);
+    a->result.objective = bw_quant_problem_objective(p, q->best);
     a->result.status = BW_QUANT_GAP;
     return BW_OK;
 }
@@ -148,21 +179,22 @@ bw_status bw_quantizer_aim(bw_context *ctx, bw_quantizer *q, uint64_t hexes, dou
         status = step_nearer(&a, &stepped);
     if (status != BW_OK) return status;
     memcpy(q->value, q->best, q->model.class_count * sizeof *q->value);
-    bw_quant_problem_set_scale(&q->problem, a.scale);
+    bw_quant_problem_set_scale(bw_quantizer_problem(q), a.scale);
     *scale = a.scale, *result = a.result;
     result->seconds = seconds_now() - since;
     return BW_OK;
 }
 
-bw_quant_figures bw_quantizer_figures(const bw_quantizer *q) {
+bw_quant_figures bw_quantizer_figures(bw_quantizer *q) {
+    const bw_quant_problem *p = bw_quantizer_problem(q);
     bw_quant_figures f = {.hexes = (uint64_t)bw_quant_model_hexes(&q->model, q->value)};
     double size = 0;
     for (size_t c = 0; c < q->model.class_count; c++) {
         uint64_t arcs = (uint64_t)q->model.class_weight[c];
         f.zero_arcs += q->value[c] == 0 ? arcs : 0;
         f.negative_arcs += q->value[c] < 0 ? arcs : 0;
-        size += (double)arcs * q->problem.target[c] * q->problem.target[c];
+        size += (double)arcs * p->target[c] * p->target[c];
     }
-    f.distortion = size > 0 ? sqrt(bw_quant_problem_objective(&q->problem, q->value) / size) : 0;
+    f.distortion = size > 0 ? sqrt(bw_quant_problem_objective(p, q->value) / size) : 0;
     return f;
 }

@@ -3,6 +3,10 @@
  *     open -> solve, solve, ..., aim -> close
  *
  * Every answer is valid by the oracle it was opened with, and says how good it is proven to be (bw_quant_result).
+ *
+ * Narrower ranges are solved first, each as it would be alone, and start the next: so a wider range is never worse. That is not implied by optimality, for validity
+ * constraints are sufficient, not necessary: one that keeps two entities apart says in which direction (Q 5.3.2), and which ones
+ * are learnt depends on the way that the search took.
  */
 #ifndef BW_QUANTIZE_QUANTIZER_H
 #define BW_QUANTIZE_QUANTIZER_H
@@ -12,11 +16,15 @@
 typedef struct {
     bw_quant_model model;
     bw_quant_moves moves;
-    bw_quant_problem problem;
+    bw_quant_problem level[3]; /* the ranges from positive to the one wanted */
+    size_t levels;
     bw_quant_oracle oracle;
     int64_t *value; /* [class] of the last answer */
     int64_t *best;  /* [class] scratch */
 } bw_quantizer;
+
+/* The problem in the range that is wanted. */
+static inline bw_quant_problem *bw_quantizer_problem(bw_quantizer *q) { return &q->level[q->levels - 1]; }
 
 bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t grid_exponent, bw_quantize_range range,
                             const bw_quant_oracle *oracle, bw_quantizer *q);
@@ -37,6 +45,6 @@ typedef struct {
     double distortion; /* root mean square of length - scale * input length over arcs, relative to that of scale * input length; 0 at scale 0 */
 } bw_quant_figures;
 
-bw_quant_figures bw_quantizer_figures(const bw_quantizer *q);
+bw_quant_figures bw_quantizer_figures(bw_quantizer *q);
 
 #endif

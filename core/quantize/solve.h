@@ -11,7 +11,7 @@
 #include "quantize/heuristic.h"
 
 typedef enum {
-    BW_QUANT_OPTIMAL,  /* nothing valid is better */
+    BW_QUANT_OPTIMAL,  /* nothing that satisfies the constraints learnt is better; they are those of Q 5.3: sufficient for validity */
     BW_QUANT_GAP,      /* searched, not to the end: bound says how far it may be */
     BW_QUANT_HEURISTIC /* the search never began, or found nothing better than the start and no bound better than the simple one */
 } bw_quant_status;
@@ -20,7 +20,7 @@ const char *bw_quant_status_name(bw_quant_status status); /* "optimal", "gap", "
 
 typedef struct {
     bw_quant_status status;
-    double objective, bound;  /* bound: no valid quantization is below it */
+    double objective, bound;  /* bound: nothing that satisfies the constraints is below it */
     double simple_bound;      /* without linear programming */
     double heuristic;         /* objective of the values that started the search */
     uint64_t nodes, relaxations, rounds, rows; /* rounds of separation; constraints found by it */

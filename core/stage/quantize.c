@@ -5,6 +5,7 @@
 #include <time.h>
 
 #include "quantize/quantizer.h"
+#include "quantize/validity.h"
 
 static const char *const range_names[] = {"none", "positive", "nonnegative", "any"};
 
@@ -16,7 +17,7 @@ static double seconds_now(void) {
 
 /* ---- report ---- */
 
-static void report_result(const bw_quantizer *q, double scale, const bw_quant_result *r, bw_report_quantization *out) {
+static void report_result(bw_quantizer *q, double scale, const bw_quant_result *r, bw_report_quantization *out) {
     bw_quant_figures f = bw_quantizer_figures(q);
     snprintf(out->status, sizeof out->status, "%s", bw_quant_status_name(r->status));
     out->scale = scale;
@@ -36,6 +37,10 @@ static void report_row(const bw_report_quantization *from, bw_report_sweep *row)
 }
 
 /* ---- the stage ---- */
+
+static bw_status separate(void *user, const int64_t *length, bw_constraint_list *violated) {
+    return bw_validity_separate(user, length, violated);
+}
 
 static bw_status sweep(bw_context *ctx, bw_quantizer *q, const bw_quantize_options *options, bw_report *report) {
     report->sweep_count = 0;
@@ -71,10 +76,16 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
                       int64_t **length, bw_report *report) {
     double since = seconds_now();
     bw_quantizer q;
-    bw_quant_oracle oracle = {0};
-    bw_status status = bw_quantizer_open(ctx, complex, cells->map->exponent, options->range, &oracle, &q);
+    bw_quant_oracle oracle = {0}; /* positive lengths are valid whatever the complex */
+    bw_validity *validity = NULL;
+    bw_status status = options->range == BW_QUANTIZE_POSITIVE ? BW_OK : bw_validity_new(ctx, cells, complex, &validity);
+    if (validity) oracle.separate = separate, oracle.user = validity;
+    if (status == BW_OK) status = bw_quantizer_open(ctx, complex, cells->map->exponent, options->range, &oracle, &q);
     *length = NULL;
-    if (status != BW_OK) return status;
+    if (status != BW_OK) {
+        bw_validity_free(ctx, validity);
+        return status;
+    }
     report->quantization = (bw_report_quantization){.arcs = q.model.arc_count, .classes = q.model.class_count, .free_integers = q.model.free_count};
     double setup = seconds_now() - since;
     status = sweep(ctx, &q, options, report);
@@ -87,5 +98,6 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
         report->has_quantization = true;
     }
     bw_quantizer_close(ctx, &q);
+    bw_validity_free(ctx, validity);
     return status;
 }

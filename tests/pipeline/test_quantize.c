@@ -100,8 +100,11 @@ static void lengths_in_blocks_json_are_what_the_report_says(void **state) {
     (void)state;
     static const char *const names[] = {"cuboid", "part", "ball", "torus-quarter", "bearing", "tee"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        for (int coarsest = 0; coarsest < 2; coarsest++) {
-            outcome o = run(sample(names[i]), coarsest ? "{\"quantize\": \"positive\", \"scale\": 0}" : "{\"quantize\": \"positive\", \"scale\": 2.5}");
+        for (size_t k = 0; k < 4; k++) {
+            static const char *const ranges[] = {"positive", "nonnegative", "any", "positive"};
+            char json[100];
+            snprintf(json, sizeof json, "{\"quantize\": \"%s\", \"scale\": %g}", ranges[k], k == 3 ? 2.5 : 0);
+            outcome o = run(sample(names[i]), json);
             expect_consistent(&o);
             assert_string_equal(json_string_value(json_object_get(o.found, "status")), "optimal");
             outcome_clear(&o);
