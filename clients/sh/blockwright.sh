@@ -11,6 +11,7 @@ usage() {
 Usage: blockwright.sh COMMAND ...
 
   submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
+         [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N]
          [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
@@ -37,6 +38,13 @@ mistake() {
     error "$*"
     error "try --help"
     exit 2
+}
+
+# number OPTION VALUE: a value that goes into JSON as it is.
+number() {
+    case $2 in
+    '' | *[!0-9.]* | *.*.* | .* | *. | 0[0-9]*) mistake "$1 wants a number, not '$2'" ;;
+    esac
 }
 
 # ---- JSON, as far as it is needed ----
@@ -217,6 +225,8 @@ submit() {
     [ -z "$complex" ] || options="\"complex\": $(quoted "$complex")"
     [ -z "$reduce" ] || options="${options:+$options, }\"reduce\": $(quoted "$reduce")"
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
+    [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
+    [ -z "$size" ] || options="${options:+$options, }$size"
     printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
         "$options" >"$work/request"
     request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/request" || silent
@@ -365,6 +375,8 @@ wait=no
 out=
 complex=
 reduce=
+quantize=
+size=
 until=
 name=
 parameters=
@@ -378,13 +390,18 @@ while [ $# -gt 0 ]; do
         ;;
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
-    --server | --out | -o | --complex | --reduce | --until | --name | --parameters)
+    --coarsest) size='"scale": 0' ;;
+    --fewest-hexes) size='"fewest_hexes": true' ;;
+    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
         --out | -o) out=$2 ;;
         --complex) complex=$2 ;;
         --reduce) reduce=$2 ;;
+        --quantize) quantize=$2 ;;
+        --scale) number "$1" "$2" && size="\"scale\": $2" ;;
+        --target-hexes) number "$1" "$2" && size="\"target_hexes\": $2" ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
         --parameters) parameters=$2 ;;

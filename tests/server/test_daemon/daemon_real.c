@@ -102,6 +102,31 @@ static void results_are_the_bytes_of_a_local_run(void **state) {
     }
 }
 
+/* Quantizing again takes the complex from the cache; only what depends on the quantization runs. */
+static void another_quantization_reuses_the_complex(void **state) {
+    (void)state;
+    static const char *const wanted[] = {"{\"quantize\":\"positive\",\"scale\":0}", "{\"quantize\":\"any\",\"target_hexes\":500,\"scales\":[0,2]}"};
+    for (int k = 0; k < 2; k++) {
+        char id[32];
+        size_t i;
+        json_t *attempt;
+        submit_sample(1, wanted[k], id);
+        json_t *job = kit_wait(&d, id, 120);
+        assert_string_equal(kit_text(job, "state"), "successful");
+        json_array_foreach(json_object_get(job, "attempts"), i, attempt) {
+            const char *stage = kit_text(attempt, "stage");
+            bool late = !strcmp(stage, "quantize") || !strcmp(stage, "encode");
+            if (k) assert_int_equal(json_is_true(json_object_get(attempt, "reused")), !late);
+        }
+        kit_reply r = kit_get(&d, "/v1/jobs/%s/report", id);
+        json_t *report = kit_json(&r), *found = json_object_get(report, "quantization");
+        assert_string_equal(kit_text(found, "range"), k ? "any" : "positive");
+        assert_int_equal(json_array_size(json_object_get(found, "sweep")), k ? 2 : 0);
+        json_decref(report);
+        json_decref(job);
+    }
+}
+
 /* Another tolerance makes another cache key, so that every stage runs again, under kills, and must give the same bytes. */
 static void results_are_the_same_bytes_after_kills(void **state) {
     (void)state;
@@ -181,6 +206,7 @@ static void a_job_too_large_for_its_limits_fails_as_limit(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_are_the_bytes_of_a_local_run),
+        cmocka_unit_test(another_quantization_reuses_the_complex),
         cmocka_unit_test(results_are_the_same_bytes_after_kills),
         cmocka_unit_test(bad_inputs_fail_as_input_and_say_why),
         cmocka_unit_test(random_bytes_fail_as_input),
