@@ -12,9 +12,12 @@ struct bw_flood_state {
     bw_transition image, input; /* from the chart of the seed to that of the block: of images; of the input, in grid units */
     box part;                   /* of the seed's image, in its chart */
     int32_t before, slot;       /* the state it was reached from, and the slot crossed */
-    int32_t next;               /* older state of the same block */
+    int32_t crossing;           /* of the graph whose classes are counted: 2 * edge, + 1 if crossed back */
+    int32_t home;               /* its block, or in a region its patch */
+    int32_t next;               /* older state of the same home */
     int32_t level;
     bw_block block;
+    int32_t rim;                /* in a region: any of its patch, seen from the block */
     int8_t side;                /* of the block, where it was entered */
 };
 
@@ -79,12 +82,14 @@ static box image_of(const bw_flood *f, bw_critical_cell cell) {
 
 /* ---- setting up ---- */
 
-bw_status bw_flood_init(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, const bw_cocycles *volume, bw_flood *f) {
-    *f = (bw_flood){.ctx = ctx, .surface = surface, .critical = critical, .volume = volume};
+bw_status bw_flood_init(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, const bw_loops *loops, bw_flood *f) {
+    const bw_complex *x = surface->complex;
+    size_t homes = x->block_count > x->patch_count ? x->block_count : x->patch_count;
+    *f = (bw_flood){.ctx = ctx, .surface = surface, .critical = critical, .loops = loops};
     f->at = bw_alloc(ctx, surface->point_count, sizeof *f->at);
-    f->cross = bw_alloc(ctx, 2 * surface->complex->patch_count, sizeof *f->cross);
-    f->last = bw_alloc(ctx, surface->complex->block_count, sizeof *f->last);
-    if (ctx->error.status == BW_OK) memset(f->last, 0xff, surface->complex->block_count * sizeof *f->last);
+    f->cross = bw_alloc(ctx, 2 * x->patch_count, sizeof *f->cross);
+    f->last = bw_alloc(ctx, homes, sizeof *f->last);
+    if (ctx->error.status == BW_OK) memset(f->last, 0xff, homes * sizeof *f->last);
     else bw_flood_clear(f);
     return ctx->error.status;
 }
@@ -111,9 +116,9 @@ void bw_flood_lay_out(bw_flood *f, const int64_t *length) {
 
 /* ---- states ---- */
 
-bw_block bw_flood_state_block(const bw_flood *f, int32_t state, int32_t *before, int32_t *slot) {
-    *before = f->state[state].before, *slot = f->state[state].slot;
-    return f->state[state].block;
+int32_t bw_flood_before(const bw_flood *f, int32_t state, int32_t *slot) {
+    *slot = f->state[state].slot;
+    return f->state[state].before;
 }
 
 /* Whether the points of b's part are where state a has them too. */
@@ -137,27 +142,40 @@ static box block_box(const bw_flood *f, bw_block b) { /* a block's points ascend
     return out;
 }
 
-/* Adds a state, unless its block was reached with the same images before; then the two ways there may be a loop. */
+/* Whether the two ways by which states a and b reach one block are a loop that moves every point of the input. */
+static bool moves_all(const bw_flood_state *a, const bw_flood_state *b) {
+    bw_transition back = bw_transition_inverse(&a->input), around = bw_transition_compose(&back, &b->input);
+    int64_t sum[3] = {0, 0, 0}, turned[3];
+    memcpy(turned, around.shift, sizeof turned);
+    for (int order = 0; order < 12; order++) { /* 12 is a multiple of the order of every rotation: the sum is 12 times the shift along its axis */
+        for (int k = 0; k < 3; k++) sum[k] += turned[k];
+        bw_rotate(around.rotation, turned, turned);
+    }
+    return sum[0] || sum[1] || sum[2];
+}
+
+/* Adds a state, unless its home was reached with the same images before; then the two ways there may be a loop. */
 static bw_status add_state(bw_flood *f, const bw_flood_state *n) {
-    size_t rank = f->volume->rank, at = f->state_count;
+    const bw_cocycles *loops = f->kind == BW_MEET_NOTHING ? &f->loops->region : &f->loops->volume;
+    size_t rank = loops->rank, at = f->state_count;
     if (bw_reserve(f->ctx, &f->state, &f->state_room, at + 1) || bw_reserve(f->ctx, &f->class_, &f->class_room, (at + 1) * rank))
         return f->ctx->error.status;
     for (size_t i = 0; i < rank; i++) {
-        int64_t step = n->slot == BW_NONE ? 0 : f->volume->value[(size_t)(n->slot >> 1) * rank + i];
-        f->class_[at * rank + i] = n->before == BW_NONE ? 0 : f->class_[(size_t)n->before * rank + i] + (n->slot & 1 ? -step : step);
+        int64_t step = n->crossing == BW_NONE ? 0 : loops->value[(size_t)(n->crossing >> 1) * rank + i];
+        f->class_[at * rank + i] = n->before == BW_NONE ? 0 : f->class_[(size_t)n->before * rank + i] + (n->crossing & 1 ? -step : step);
     }
     box own = block_box(f, n->block), there = carry(&n->image, &n->part);
     bool inside = contains(&own, &there);
-    for (int32_t i = f->last[n->block]; i != BW_NONE; i = f->state[i].next) {
+    for (int32_t i = f->last[n->home]; i != BW_NONE; i = f->state[i].next) {
         if (!covers(&f->state[i], n, inside)) continue;
-        bool loop = rank && memcmp(f->class_ + at * rank, f->class_ + (size_t)i * rank, rank * sizeof *f->class_);
+        bool loop = moves_all(&f->state[i], n) || (rank && memcmp(f->class_ + at * rank, f->class_ + (size_t)i * rank, rank * sizeof *f->class_));
         if (loop && f->loop[0] == BW_NONE) f->loop[0] = n->before, f->loop[1] = i, f->loop[2] = n->slot;
         return BW_OK;
     }
     if (at >= STATES_MAX) return bw_fail(f->ctx, BW_E_LIMIT, "a search for what coincides under a quantization has too many states");
     f->state[at] = *n;
-    f->state[at].next = f->last[n->block];
-    f->last[n->block] = (int32_t)f->state_count++;
+    f->state[at].next = f->last[n->home];
+    f->last[n->home] = (int32_t)f->state_count++;
     return BW_OK;
 }
 
@@ -227,18 +245,33 @@ static bw_status meet_patch(bw_flood *f, int32_t state, int32_t slot, const box 
 
 /* ---- spreading ---- */
 
+/* The state after `from`, of which only the images `part` go on. */
+static bw_flood_state follow(const bw_flood_state *from, int32_t state, const box *part) {
+    bw_transition back = bw_transition_inverse(&from->image);
+    bw_flood_state n = *from;
+    n.part = carry(&back, part);
+    n.before = state, n.level = from->level + 1;
+    return n;
+}
+
+/* Carries a state through a slot. */
+static void cross(const bw_flood *f, int32_t slot, bw_flood_state *n) {
+    bw_transition across = bw_surface_cross(f->surface, slot);
+    n->slot = slot;
+    n->side = (int8_t)bw_surface_slot_side(f->surface, slot ^ 1);
+    n->image = bw_transition_compose(&f->cross[slot], &n->image);
+    n->input = bw_transition_compose(&across, &n->input);
+}
+
 /* The state's images `part` are on a patch: what they meet there, and on through the patch. */
 static bw_status visit(bw_flood *f, int32_t state, int32_t slot, const box *part) {
     const bw_surface *s = f->surface;
     if (meet_patch(f, state, slot, part)) return f->ctx->error.status;
     bw_block beyond = bw_surface_slot_block(s, slot ^ 1);
     if (beyond == BW_NONE) return BW_OK;
-    const bw_flood_state *from = &f->state[state];
-    bw_transition back = bw_transition_inverse(&from->image), across = bw_surface_cross(s, slot);
-    bw_flood_state n = {.before = state, .slot = slot, .level = from->level + 1, .block = beyond, .side = (int8_t)bw_surface_slot_side(s, slot ^ 1)};
-    n.part = carry(&back, part);
-    n.image = bw_transition_compose(&f->cross[slot], &from->image);
-    n.input = bw_transition_compose(&across, &from->input);
+    bw_flood_state n = follow(&f->state[state], state, part);
+    n.crossing = slot, n.block = n.home = beyond;
+    cross(f, slot, &n);
     return add_state(f, &n);
 }
 
@@ -286,6 +319,29 @@ static bw_status spread(bw_flood *f, int32_t state) {
     return BW_OK;
 }
 
+/* Within a region, from a patch across the arcs that the images are on. */
+static bw_status spread_in_region(bw_flood *f, int32_t state) {
+    const bw_surface *s = f->surface;
+    int32_t slot = bw_surface_rim_slot(s, f->state[state].rim), crossed;
+    box images = carry(&f->state[state].image, &f->state[state].part), part;
+    for (int32_t rim = bw_surface_first_rim(s, slot); rim < bw_surface_last_rim(s, slot); rim += 2) {
+        const bw_surface_edge *e = &s->edge[s->rim_edge[rim]];
+        bw_arc a = e->use >> 1;
+        box image = spanned(f->at[e->point[0]], f->at[e->point[1]]);
+        if (f->critical->arc_link[a] != BW_NONE || !intersect(&images, &image, &part)) continue;
+        bw_flood_state n = follow(&f->state[state], state, &part);
+        n.rim = bw_critical_continue(s, f->critical->patch_region, rim, &crossed);
+        n.crossing = 2 * a + (f->loops->arc_use[a][0] != rim >> 1);
+        n.slot = BW_NONE;
+        if (crossed != BW_NONE) cross(f, crossed, &n);
+        slot = bw_surface_rim_slot(s, n.rim);
+        n.home = slot >> 1, n.block = bw_surface_slot_block(s, slot), n.side = (int8_t)bw_surface_slot_side(s, slot);
+        slot = bw_surface_rim_slot(s, rim);
+        if (add_state(f, &n)) return f->ctx->error.status;
+    }
+    return BW_OK;
+}
+
 /* Any side of its block that a cell lies on. */
 static int cell_side(const bw_surface *s, bw_critical_cell cell) {
     if (cell.kind == BW_CELL_PATCH) return bw_surface_slot_side(s, cell.place);
@@ -294,17 +350,19 @@ static int cell_side(const bw_surface *s, bw_critical_cell cell) {
 }
 
 bw_status bw_flood_run(bw_flood *f, bw_critical_cell seed, bw_meeting_kind kind) {
+    bool in_region = kind == BW_MEET_NOTHING;
     f->state_count = f->meeting_count = 0;
     f->loop[0] = BW_NONE;
     f->seed = seed, f->kind = kind;
-    bw_flood_state first = {.part = image_of(f, seed), .before = BW_NONE, .slot = BW_NONE, .next = BW_NONE};
-    first.block = bw_critical_cell_block(f->surface, seed);
+    bw_flood_state first = {.part = image_of(f, seed), .before = BW_NONE, .slot = BW_NONE, .crossing = BW_NONE, .next = BW_NONE};
+    first.block = first.home = bw_critical_cell_block(f->surface, seed);
     first.side = (int8_t)cell_side(f->surface, seed);
+    if (in_region) first.home = seed.place >> 1, first.rim = bw_surface_first_rim(f->surface, seed.place);
     bw_status status = add_state(f, &first);
     for (size_t i = 0; i < f->state_count && status == BW_OK; i++) {
         if (f->meeting_count && f->state[i].level > f->state[f->meeting[0].state].level) break;
-        status = spread(f, (int32_t)i);
+        status = in_region ? spread_in_region(f, (int32_t)i) : spread(f, (int32_t)i);
     }
-    for (size_t i = 0; i < f->state_count; i++) f->last[f->state[i].block] = BW_NONE;
+    for (size_t i = 0; i < f->state_count; i++) f->last[f->state[i].home] = BW_NONE;
     return status == BW_OK ? bw_poll(f->ctx) : status;
 }

@@ -22,13 +22,15 @@
  *   - or if their entities have no node or link in common (BW_MEET_APART). This adds what only negative lengths can do: two links in
  *     one plane that cross because the end of one has passed the other.
  *
- * Loops. If a block is reached with the same image in two ways whose difference is no contractible loop (its class is not 0), that loop has collapsed.
+ * Loops. If a block is reached with the same image in two ways, the loop of both has collapsed. It is no contractible one if its class is not 0; or
+ * if it moves every point of the input's chart: going around it is a rotation of the input about a common point or axis if all that is
+ * zero-connected can be contracted.
  */
 #ifndef BW_QUANTIZE_FLOOD_H
 #define BW_QUANTIZE_FLOOD_H
 
-#include "quantize/cocycle.h"
 #include "quantize/critical.h"
+#include "quantize/loops.h"
 
 typedef enum { BW_CELL_NODE, BW_CELL_ARC, BW_CELL_PATCH } bw_critical_kind;
 
@@ -51,29 +53,31 @@ typedef struct bw_flood_state bw_flood_state;
 typedef enum {
     BW_MEET_ACROSS, /* of arcs and patches, apart across both */
     BW_MEET_NODES,  /* and with nodes */
-    BW_MEET_APART   /* of arcs and patches, apart in any direction, of entities that do not touch */
+    BW_MEET_APART,  /* of arcs and patches, apart in any direction, of entities that do not touch */
+    BW_MEET_NOTHING /* none: a flood within the region of a patch, from patch to patch, that looks for loops of the region */
 } bw_meeting_kind;
 
 typedef struct {
     bw_context *ctx;
     const bw_surface *surface;   /* borrowed */
     const bw_critical *critical;
-    const bw_cocycles *volume;
+    const bw_loops *loops;
     int64_t (*at)[3];            /* [point] image */
     bw_transition *cross;        /* [slot]: transition of images across it, from its block to the block beyond */
     bw_flood_state *state;
     size_t state_count, state_room;
-    int64_t *class_;             /* [state * rank] */
+    int64_t *class_;             /* [state * rank], of the volume or of the regions */
     size_t class_room;
-    int32_t *last;               /* [block]: its newest state, or BW_NONE */
+    int32_t *last;               /* [block or patch]: its newest state, or BW_NONE */
     bw_meeting *meeting;         /* those of the nearest states that have any */
     size_t meeting_count, meeting_room;
-    int32_t loop[3];             /* two states of one block, and the slot crossed from the first into that block again; loop[0] BW_NONE: no loop */
+    int32_t loop[3];             /* two states, and the slot crossed from the first to where the second is (BW_NONE: to another patch of the same block);
+                                    loop[0] BW_NONE: no loop */
     bw_critical_cell seed;
     bw_meeting_kind kind;
 } bw_flood;
 
-bw_status bw_flood_init(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, const bw_cocycles *volume, bw_flood *flood);
+bw_status bw_flood_init(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, const bw_loops *loops, bw_flood *flood);
 void bw_flood_clear(bw_flood *flood);
 
 /* The images of all places under lengths that make patches rectangles and give no block a negative extent. */
@@ -81,8 +85,8 @@ void bw_flood_lay_out(bw_flood *flood, const int64_t *length);
 /* Floods from a cell as far as its nearest meetings. Deterministic. BW_E_LIMIT if it has a million states. */
 bw_status bw_flood_run(bw_flood *flood, bw_critical_cell seed, bw_meeting_kind kind);
 
-/* The block of a state, and the slot crossed into it from state *before (BW_NONE: the first one). */
-bw_block bw_flood_state_block(const bw_flood *flood, int32_t state, int32_t *before, int32_t *slot);
+/* The state that a state was reached from (BW_NONE: it is the first one), and the slot crossed (BW_NONE: both are in one block). */
+int32_t bw_flood_before(const bw_flood *flood, int32_t state, int32_t *slot);
 
 /* Where a cell's points lie in the input: whether a point of it is at the end that looks towards the other one, in the directions along which they are apart. */
 bool bw_flood_faces(const bw_flood *flood, const bw_meeting *meeting, bool other, int32_t point);

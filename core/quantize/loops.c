@@ -109,8 +109,6 @@ void bw_loops_clear(bw_context *ctx, bw_loops *l) {
     *l = (bw_loops){0};
 }
 
-/* ---- corridors ---- */
-
 bw_status bw_loops_volume_corridor(bw_context *ctx, const bw_loops *l, size_t generator, bw_corridor *k, bool *exists) {
     *exists = l->volume.generator[generator] != BW_NONE;
     if (!*exists) return BW_OK;
@@ -119,24 +117,6 @@ bw_status bw_loops_volume_corridor(bw_context *ctx, const bw_loops *l, size_t ge
     size_t n = bw_cocycles_loop(&l->volume_graph, &l->volume, generator, loop, &start);
     bw_corridor_start(k, start);
     for (size_t i = 0; i < n && ctx->error.status == BW_OK; i++) bw_corridor_cross(k, loop[i]);
-    bw_free(ctx, loop);
-    return ctx->error.status;
-}
-
-bw_status bw_loops_region_corridor(bw_context *ctx, const bw_surface *s, const bw_critical *c, const bw_loops *l, size_t generator, bw_corridor *k,
-                                   bool *exists) {
-    *exists = l->region.generator[generator] != BW_NONE;
-    if (!*exists) return BW_OK;
-    int32_t start, side = 0, *loop = bw_alloc(ctx, 2 * l->region_graph.vertex_count + 1, sizeof *loop);
-    if (!loop) return ctx->error.status;
-    size_t n = bw_cocycles_loop(&l->region_graph, &l->region, generator, loop, &start);
-    bw_corridor_start(k, s->complex->patch_block[start][0]);
-    for (size_t i = 0; i < n && ctx->error.status == BW_OK; i++) {
-        int32_t crossed, rim = 2 * l->arc_use[loop[i] >> 1][loop[i] & 1] + side;
-        side = bw_critical_continue(s, c->patch_region, rim, &crossed) & 1;
-        if (crossed != BW_NONE) bw_corridor_cross(k, crossed);
-    }
-    *exists = side == 0;
     bw_free(ctx, loop);
     return ctx->error.status;
 }

@@ -21,10 +21,7 @@ typedef struct {
 bw_status bw_loops_init(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, bw_loops *loops);
 void bw_loops_clear(bw_context *ctx, bw_loops *loops);
 
-/* A generator as a corridor that ends in the block it starts from. *exists is false for one that no single crossing stands for, and for a
- * loop in a sheet of features that returns on the sheet's other side. */
+/* A generator of the volume as a corridor that ends in the block it starts from. *exists is false for one that no single crossing stands for. */
 bw_status bw_loops_volume_corridor(bw_context *ctx, const bw_loops *loops, size_t generator, bw_corridor *corridor, bool *exists);
-bw_status bw_loops_region_corridor(bw_context *ctx, const bw_surface *surface, const bw_critical *critical, const bw_loops *loops, size_t generator,
-                                   bw_corridor *corridor, bool *exists);
 
 #endif

@@ -6,6 +6,8 @@
 #include "quantize/flood.h"
 #include "quantize/loops.h"
 
+enum { LOOPS_AT_A_TIME = 8 };
+
 /* Two entities and how far they lie apart in the input across both. Of all their meetings in a call the one counts that is apart in the
  * fewest directions along them: its cells face each other, and its constraint asks for no more than is needed. */
 typedef struct {
@@ -69,7 +71,7 @@ bw_status bw_validity_new(bw_context *ctx, const bw_cells *cells, const bw_compl
     bw_status status = bw_surface_init(ctx, cells, complex, &v->surface);
     if (status == BW_OK) status = bw_critical_init(ctx, cells, &v->surface, &v->critical);
     if (status == BW_OK) status = bw_loops_init(ctx, &v->surface, &v->critical, &v->loops);
-    if (status == BW_OK) status = bw_flood_init(ctx, &v->surface, &v->critical, &v->loops.volume, &v->flood);
+    if (status == BW_OK) status = bw_flood_init(ctx, &v->surface, &v->critical, &v->loops, &v->flood);
     bw_corridor_init(ctx, &v->surface, &v->corridor);
     v->flat = bw_alloc(ctx, complex->block_count, 1);
     v->touched = bw_alloc(ctx, complex->node_count, 1);
@@ -136,6 +138,19 @@ static bw_status separate_extents(bw_validity *v) {
     return BW_OK;
 }
 
+/* The boundary has blocks on one side only, so where arcs are negative its patches must not turn over: they cannot change places as blocks on two sides of a
+ * wall can. */
+static bw_status separate_patches(bw_validity *v) {
+    const bw_complex *x = v->x;
+    for (size_t k = 0; k < 2 * x->patch_count; k++) {
+        size_t side = 4 * (k / 2) + k % 2, n = 0;
+        if (v->critical.patch_region[k / 2] == BW_NONE) continue;
+        if (add_chain(v, &n, x->patch_chain, x->patch_chain_begin[side], x->patch_chain_begin[side + 1], 1)) return v->ctx->error.status;
+        if (sum(v, n) < 0 && bw_constraint_add(v->ctx, v->out, BW_RULE_REGION, BW_AT_LEAST, v->term, n, 0)) return v->ctx->error.status;
+    }
+    return BW_OK;
+}
+
 static bw_status separate_links(bw_validity *v) {
     const bw_critical *c = &v->critical;
     for (size_t l = 0; l < c->link_count; l++) {
@@ -194,8 +209,8 @@ static bw_status list_facing(bw_validity *v, const bw_meeting *m, bool other, in
 static bw_status walk_to(bw_validity *v, int32_t state) {
     size_t first = v->corridor.count;
     int32_t slot;
-    while (bw_flood_state_block(&v->flood, state, &state, &slot), slot != BW_NONE)
-        if (bw_corridor_cross(&v->corridor, slot)) return v->ctx->error.status;
+    for (int32_t before; (before = bw_flood_before(&v->flood, state, &slot)) != BW_NONE; state = before)
+        if (slot != BW_NONE && bw_corridor_cross(&v->corridor, slot)) return v->ctx->error.status;
     for (size_t i = first, j = v->corridor.count; i + 1 < j; i++) {
         int32_t swap = v->corridor.slot[i];
         v->corridor.slot[i] = v->corridor.slot[--j], v->corridor.slot[j] = swap;
@@ -267,34 +282,50 @@ static bw_status append_separations(bw_validity *v) {
     return BW_OK;
 }
 
-/* A loop is a corridor that returns to its first block. If its displacement, from one of the points, is 0 now and is not in the input, it has to be so in the
- * input's direction: the sum over the directions is at least 1. */
-static bw_status separate_loop(bw_validity *v, const int32_t *points, size_t n, bw_rule rule, bw_constraint_list *out) {
-    for (size_t i = 0; i < n; i++) {
-        int64_t now[3], input[3];
-        int sign[3];
-        if (bw_corridor_find(&v->corridor, points + i, 1, points + i, 1)) return v->ctx->error.status;
-        bw_corridor_displacement(&v->corridor, v->length, now);
-        bw_corridor_displacement(&v->corridor, v->x->arc_length, input);
-        if (now[0] || now[1] || now[2] || !(input[0] | input[1] | input[2])) continue;
-        for (int k = 0; k < 3; k++) sign[k] = (input[k] > 0) - (input[k] < 0);
-        return bw_corridor_constrain(&v->corridor, sign, 1, rule, out);
+/* A direction that a rotation leaves as it is. */
+static void axis_of(bw_rotation r, int axis[3]) {
+    for (int code = 26; code > 13; code--) { /* the middle one is 0, those before are opposite */
+        int64_t v[3] = {code / 9 - 1, code / 3 % 3 - 1, code % 3 - 1}, turned[3];
+        bw_rotate(r, v, turned);
+        for (int k = 0; k < 3; k++) axis[k] = (int)v[k];
+        if (!memcmp(v, turned, sizeof v)) return;
     }
-    return BW_OK;
 }
 
-/* The loop that the last flood found: there one way, back the other. */
+/* The corridor is a loop that returns to where it starts: its displacement must not be 0. If it turns its chart, the displacement along the axis is what all points
+ * have in common; otherwise that in each direction, of which one must be left in the input's direction. */
+static bw_status separate_loop(bw_validity *v, bw_rule rule) {
+    const bw_surface *s = &v->surface;
+    int32_t point = (int32_t)s->point_begin[v->corridor.block];
+    int64_t input[3], sum = 0;
+    bw_rotation turn = 0;
+    int sign[3];
+    if (bw_corridor_find(&v->corridor, &point, 1, &point, 1)) return v->ctx->error.status;
+    bw_corridor_displacement(&v->corridor, v->x->arc_length, input);
+    for (size_t i = 0; i < v->corridor.count; i++) turn = bw_rotation_compose(bw_surface_cross(s, v->corridor.slot[i]).rotation, turn);
+    if (turn) axis_of(turn, sign);
+    for (int k = 0; k < 3; k++) {
+        if (!turn) sign[k] = (input[k] > 0) - (input[k] < 0);
+        sum += sign[k] * input[k];
+    }
+    if (!sum) return BW_OK; /* no direction to ask for: what else collapses is told by other rules */
+    for (int k = 0; k < 3 && sum < 0; k++) sign[k] = -sign[k];
+    return bw_corridor_constrain(&v->corridor, sign, 1, rule, &v->collapsed);
+}
+
+/* The loop that the last flood found: there one way, back the other. A few of each rule are enough at a time. */
 static bw_status collect_loop(bw_validity *v) {
     const int32_t *loop = v->flood.loop;
-    size_t n;
-    if (loop[0] == BW_NONE) return BW_OK;
+    bw_rule rule = v->flood.kind == BW_MEET_NOTHING ? BW_RULE_REGION : BW_RULE_VOLUME;
+    size_t known = 0;
+    for (size_t c = 0; c < v->collapsed.count; c++) known += v->collapsed.rule[c] == rule;
+    if (loop[0] == BW_NONE || known >= LOOPS_AT_A_TIME) return BW_OK;
     bw_corridor_start(&v->corridor, bw_critical_cell_block(&v->surface, v->flood.seed));
-    if (walk_to(v, loop[0]) || bw_corridor_cross(&v->corridor, loop[2])) return v->ctx->error.status;
+    if (walk_to(v, loop[0]) || (loop[2] != BW_NONE && bw_corridor_cross(&v->corridor, loop[2]))) return v->ctx->error.status;
     int32_t slot, state = loop[1];
-    while (bw_flood_state_block(&v->flood, state, &state, &slot), slot != BW_NONE)
-        if (bw_corridor_cross(&v->corridor, slot ^ 1)) return v->ctx->error.status;
-    if (list_points(v, v->flood.seed, &v->points, &v->points_room, &n)) return v->ctx->error.status;
-    return separate_loop(v, v->points, n, BW_RULE_VOLUME, &v->collapsed);
+    for (int32_t before; (before = bw_flood_before(&v->flood, state, &slot)) != BW_NONE; state = before)
+        if (slot != BW_NONE && bw_corridor_cross(&v->corridor, slot ^ 1)) return v->ctx->error.status;
+    return separate_loop(v, rule);
 }
 
 static bw_status flood_from(bw_validity *v, bw_critical_cell seed, bw_meeting_kind kind) {
@@ -302,7 +333,7 @@ static bw_status flood_from(bw_validity *v, bw_critical_cell seed, bw_meeting_ki
     v->figures.floods++, v->figures.states += v->flood.state_count;
     for (size_t i = 0; i < v->flood.meeting_count; i++)
         if (separate_meeting(v, &v->flood.meeting[i])) return v->ctx->error.status;
-    return v->collapsed.count ? BW_OK : collect_loop(v);
+    return collect_loop(v);
 }
 
 static bw_status flood_from_cells(bw_validity *v, bw_meeting_kind kind) {
@@ -366,17 +397,12 @@ static bw_status separate_loose(bw_validity *v) {
 
 /* ---- (iii) and (iv) ---- */
 
-static bw_status separate_generators(bw_validity *v) {
-    const bw_surface *s = &v->surface;
-    bw_loops *l = &v->loops;
-    for (size_t i = 0; i < l->region.rank + l->volume.rank; i++) {
-        bool exists, region = i < l->region.rank;
-        if (region ? bw_loops_region_corridor(v->ctx, s, &v->critical, l, i, &v->corridor, &exists)
-                   : bw_loops_volume_corridor(v->ctx, l, i - l->region.rank, &v->corridor, &exists))
+/* Loops of the volume were found by the floods before. */
+static bw_status separate_loops(bw_validity *v) {
+    const int32_t *region = v->critical.patch_region;
+    for (size_t p = 0; p < v->x->patch_count && v->loops.region.rank; p++)
+        if (region[p] != BW_NONE && v->flat[v->x->patch_block[p][0]] && flood_from(v, (bw_critical_cell){BW_CELL_PATCH, 2 * (int32_t)p}, BW_MEET_NOTHING))
             return v->ctx->error.status;
-        int32_t point = (int32_t)s->point_begin[v->corridor.block];
-        if (exists && separate_loop(v, &point, 1, region ? BW_RULE_REGION : BW_RULE_VOLUME, v->out)) return v->ctx->error.status;
-    }
     for (size_t c = 0; c < v->collapsed.count; c++)
         if (bw_constraint_copy(v->ctx, v->out, &v->collapsed, c)) return v->ctx->error.status;
     return BW_OK;
@@ -385,8 +411,8 @@ static bw_status separate_generators(bw_validity *v) {
 /* ---- the order of Q 5.3.5 ---- */
 
 bw_status bw_validity_separate(bw_validity *v, const int64_t *length, bw_constraint_list *violated) {
-    static bw_status (*const step[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links};
-    static bw_status (*const later[])(bw_validity *) = {separate_loose, separate_across, separate_nodes, separate_apart, separate_generators};
+    static bw_status (*const step[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links, separate_patches};
+    static bw_status (*const later[])(bw_validity *) = {separate_loose, separate_across, separate_nodes, separate_apart, separate_loops};
     size_t before = violated->count;
     v->length = length, v->out = violated;
     v->figures.calls++;

@@ -8,9 +8,11 @@
  *                    regions first; nodes, of which a coincidence the former see only sideways, where that finds nothing. A meeting gives the constraint
  *                    that the displacement of its two cells, in the directions perpendicular to both in which they differ in the input, is at least 1
  *                    in the input's direction, or the sum of several such directions (Q 11, Fig. 10).
- *   (iii)  region    generators of the loops of each region (cocycle.h): one whose displacement is 0 has collapsed (Q 12).
- *   (iv)   volume    the same for the volume, and loops that floods find, whichever they are. Of Q 12 only this is asked: not that
- *                    a loop keeps its displacement in each direction, but that one is left.
+ *   (iii)  region   a critical patch has a negative side: it has turned over. And
+ *                   floods within each region that has loops which cannot be contracted in it: one of them has collapsed.
+ *   (iv)   volume   floods of the volume find the same. Q 12 asks of each generator to keep its displacement in every direction; that forbids valid
+ *                   quantizations (a loop around a hole may well return to where it started, and a loop other than the generators may
+ *                   collapse). Here a loop breaks the rule when it collapses, whichever it is, and what is asked is that one direction is left.
  *
  * (iii) and (iv) are looked at when (ii) finds nothing (Q 5.3.5). Where all lengths are positive nothing coincides and there is nothing to look for.
  *
