@@ -20,6 +20,14 @@ static void count_line(const json_t *object, const char *const *keys, const char
     putchar('\n');
 }
 
+static void repair(const json_t *repaired) {
+    static const char *const keys[] = {"regions", "tets", "vertices_moved"};
+    static const char *const words[] = {"regions", "inverted or degenerate tets", "vertices moved"};
+    if (!json_is_object(repaired)) return;
+    printf("%-15s ", "repaired");
+    count_line(repaired, keys, words, sizeof keys / sizeof *keys);
+}
+
 /* How the reduced complex came about. `kind` is that of the raw one. */
 static void reduction(const json_t *reduced, const char *kind) {
     const char *mode = json_string_value(json_object_get(reduced, "mode"));
@@ -113,6 +121,7 @@ void cli_summary_print(const json_t *report) {
     }
     if (json_is_number(displacement))
         printf("%-15s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
+    repair(json_object_get(json_object_get(report, "sanitize"), "repaired"));
     complexes(json_object_get(report, "complex"));
     quantization(json_object_get(report, "quantization"));
     const json_t *quality = json_object_get(report, "quality");

@@ -5,7 +5,7 @@
 
 #include "solve/lbfgs.h"
 
-enum { ROUNDS = 60, ITERATIONS = 60, POLISH = 300 };
+enum { ROUNDS = 40, ITERATIONS = 60, POLISH = 300 };
 
 typedef struct {
     const bw_untangle_tet *tet;
@@ -73,6 +73,23 @@ static double energy(void *user, const double *x, double *gradient) {
     return sum;
 }
 
+/* Sum of volume * tr(J^T J): convex; its minimum is the harmonic map, which ignores what is inverted now. */
+static double harmonic(void *user, const double *x, double *gradient) {
+    const tangle *w = user;
+    double sum = 0;
+    memset(gradient, 0, w->variable_count * sizeof *gradient);
+    for (size_t t = 0; t < w->tet_count; t++) {
+        const double(*r)[3] = w->tet[t].rest;
+        double j[3][3], c[3][3], norm = 0, volume = 0;
+        jacobian(&w->tet[t], x, j, c);
+        for (int k = 0; k < 3; k++) volume += r[0][k] * (r[1][(k + 1) % 3] * r[2][(k + 2) % 3] - r[1][(k + 2) % 3] * r[2][(k + 1) % 3]);
+        for (int i = 0; i < 9; i++) norm += j[i / 3][i % 3] * j[i / 3][i % 3], j[i / 3][i % 3] *= 2 / volume;
+        sum += norm / volume;
+        scatter(&w->tet[t], j, gradient);
+    }
+    return sum;
+}
+
 static double smallest(const tangle *w, const double *x) {
     double least = INFINITY;
     for (size_t t = 0; t < w->tet_count; t++) least = fmin(least, bw_untangle_volume(&w->tet[t], x));
@@ -86,23 +103,44 @@ static double lower(double epsilon, double least, double before, double after) {
     return least >= 0 ? (1 - gain) * epsilon : (1 - gain * root / (fabs(least) + root)) * epsilon;
 }
 
+/* Rounds of falling epsilon until all tets are positive, or no more are allowed. */
+static bw_status descend(bw_context *ctx, tangle *w, double *x, bw_untangle_report *report) {
+    const bw_lbfgs_options options = {.iterations = ITERATIONS, .step = 0.05, .settled = 1e-6};
+    bw_lbfgs_report round;
+    w->epsilon = 1;
+    report->smallest = smallest(w, x);
+    for (int i = 0; i < ROUNDS && report->smallest <= 0; i++, report->rounds++) {
+        if (bw_lbfgs(ctx, w->variable_count, x, energy, w, &options, &round)) break;
+        report->iterations += round.iterations;
+        report->smallest = smallest(w, x);
+        w->epsilon = lower(w->epsilon, report->smallest, round.before, round.after);
+    }
+    return ctx->error.status;
+}
+
+static bw_status minimize(bw_context *ctx, tangle *w, double *x, bw_lbfgs_energy *what, bw_untangle_report *report) {
+    const bw_lbfgs_options options = {.iterations = POLISH, .step = 0.05, .settled = 1e-7};
+    bw_lbfgs_report found;
+    bw_status status = bw_lbfgs(ctx, w->variable_count, x, what, w, &options, &found);
+    report->iterations += found.iterations;
+    return status;
+}
+
 bw_status bw_untangle(bw_context *ctx, const bw_untangle_tet *tet, size_t tet_count, size_t variable_count, double *x,
                       bw_untangle_report *report) {
-    tangle w = {tet, tet_count, variable_count, 1};
-    bw_lbfgs_options options = {.iterations = ITERATIONS, .step = 0.05, .settled = 1e-5};
-    bw_lbfgs_report round;
+    tangle w = {tet, tet_count, variable_count, 0};
     *report = (bw_untangle_report){.smallest = smallest(&w, x)};
-    for (; report->smallest <= 0 && report->rounds < ROUNDS; report->rounds++) {
-        if (bw_lbfgs(ctx, variable_count, x, energy, &w, &options, &round)) return ctx->error.status;
-        report->iterations += round.iterations;
-        report->smallest = smallest(&w, x);
-        w.epsilon = lower(w.epsilon, report->smallest, round.before, round.after);
+    double *start = bw_alloc(ctx, variable_count, sizeof *start);
+    if (!start) return ctx->error.status;
+    memcpy(start, x, variable_count * sizeof *x);
+    if (report->smallest <= 0 && (minimize(ctx, &w, x, harmonic, report) || descend(ctx, &w, x, report))) goto out;
+    if (report->smallest <= 0) {
+        memcpy(x, start, variable_count * sizeof *x);
+        if (descend(ctx, &w, x, report)) goto out;
     }
-    if (!(report->smallest > 0)) return BW_OK;
     w.epsilon = 0;
-    options.iterations = POLISH;
-    if (bw_lbfgs(ctx, variable_count, x, energy, &w, &options, &round)) return ctx->error.status;
-    report->iterations += round.iterations;
-    report->smallest = smallest(&w, x);
-    return BW_OK;
+    if (report->smallest > 0 && !minimize(ctx, &w, x, energy, report)) report->smallest = smallest(&w, x);
+out:
+    bw_free(ctx, start);
+    return ctx->error.status;
 }

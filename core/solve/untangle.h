@@ -6,7 +6,9 @@
  *     sum over tets of  tr(J^T J) / chi(D)^(2/3) + (D^2 + 1) / chi(D),   chi(D) = (D + sqrt(eps^2 + D^2)) / 2,
  *
  * minimized for a falling sequence of eps. Once all D are positive eps is 0: then the energy is a barrier, no tet inverts
- * again, and what is left is shape. Floating point only: whoever rounds the result verifies it.
+ * again, and what is left is shape. The descent starts from the harmonic map, for which all that matters is what may not move; a
+ * vertex far out of place is back at once, where the energy alone would be caught in a local minimum. If that fails it starts
+ * again from where the tets are. Floating point only: whoever rounds the result verifies it.
  */
 #ifndef BW_SOLVE_UNTANGLE_H
 #define BW_SOLVE_UNTANGLE_H

@@ -25,7 +25,7 @@ typedef struct {
     int64_t (*rounded)[4][3]; /* the input on the grid; borrowed from map->value until step 4 */
     bw_defects defects;       /* of the rounded input */
     bw_seams first_seams;     /* as read off the map with its defects, if they are repaired */
-    uint8_t *defective;       /* [tet] likewise */
+    uint8_t *unsure;          /* [tet] likewise: tets that share a vertex with a defective one */
 } job;
 
 /* ---- the grid ---- */
@@ -189,6 +189,18 @@ static bw_repair_verdict spare_repaired(const bw_defects *defects, const bw_repa
     return first;
 }
 
+/* A vertex that is out of place spoils all tets around it, also those that happen to be positive: they may turn around their
+ * edges once too often. */
+static bw_status mark_unsure(job *j) {
+    uint8_t *near = bw_alloc(j->ctx, j->mesh->vertex_count, 1);
+    j->unsure = bw_alloc(j->ctx, j->mesh->tet_count, 1);
+    for (size_t i = 0; near && j->unsure && i < 4 * bw_defects_tets(&j->defects); i++)
+        near[j->mesh->tet[j->defects.tet[i / 4]][i % 4]] = 1;
+    for (size_t i = 0; near && j->unsure && i < 4 * j->mesh->tet_count; i++) j->unsure[i / 4] |= near[j->mesh->tet[i / 4][i % 4]];
+    bw_free(j->ctx, near);
+    return j->ctx->error.status;
+}
+
 /* Repairs the defects of the rounded input or refuses those that it cannot repair. */
 static bw_status repair(job *j) {
     bw_context *ctx = j->ctx;
@@ -197,12 +209,10 @@ static bw_status repair(job *j) {
     size_t count = bw_defects_tets(&j->defects);
     bw_repair_verdict first, *verdict = bw_alloc(ctx, count, sizeof *verdict);
     uint8_t *spare = bw_alloc(ctx, j->defects.count, 1);
-    j->defective = bw_alloc(ctx, j->mesh->tet_count, 1);
-    if (ctx->error.status) goto out;
-    for (size_t i = 0; i < count; i++) j->defective[j->defects.tet[i]] = 1;
-    in.unsure = j->defective;
+    if (ctx->error.status || mark_unsure(j)) goto out;
+    in.unsure = j->unsure;
     if (bw_hinges_init(ctx, &j->hinges, j->mesh) ||
-        bw_seams_init(ctx, &j->first_seams, j->mesh, &j->hinges, values(j), j->defective, j->options->tolerance) ||
+        bw_seams_init(ctx, &j->first_seams, j->mesh, &j->hinges, values(j), j->unsure, j->options->tolerance) ||
         bw_repair(ctx, &in, &j->defects, j->map->value, verdict, &done))
         goto out;
     first = spare_repaired(&j->defects, verdict, spare);
@@ -237,7 +247,7 @@ static void spare_certain(const job *j, const uint8_t *doubtful, uint8_t *spare)
 
 /* Refuses repairs after which the map may turn around edges otherwise than meant. */
 static bw_status check_turns(job *j) {
-    bw_star_input before = {j->mesh, &j->hinges, &j->first_seams, values(j), j->defective, j->options->tolerance};
+    bw_star_input before = {j->mesh, &j->hinges, &j->first_seams, values(j), j->unsure, j->options->tolerance};
     size_t count = 0;
     if (!j->report->repaired) return BW_OK;
     uint8_t *doubtful = bw_alloc(j->ctx, j->hinges.count, 1), *spare = bw_alloc(j->ctx, j->defects.count, 1);
@@ -248,6 +258,18 @@ static bw_status check_turns(job *j) {
     bw_free(j->ctx, doubtful);
     bw_free(j->ctx, spare);
     return j->ctx->error.status;
+}
+
+/* What is not understood only now was passed over before, next to a defect: the error names the regions too. */
+static bw_status blame_repair(job *j) {
+    bw_status status = j->ctx->error.status;
+    if (status != BW_E_NOT_SEAMLESS && status != BW_E_NOT_ALIGNED && status != BW_E_SINGULAR) return status;
+    for (size_t r = 0; j->report->repaired && r < j->defects.count; r++) {
+        bw_region place;
+        bw_defects_place(&j->defects, j->mesh, r, &place);
+        bw_fail_region(j->ctx, &place);
+    }
+    return status;
 }
 
 /* The exact values are off the input's by its errors; thin tets may not survive that. Transitions are known by now. What
@@ -368,7 +390,8 @@ static bw_status run(job *j) {
     bw_progress(j->ctx, 0.1);
     if (mend(j)) return j->ctx->error.status;
     bw_progress(j->ctx, 0.2);
-    if (understand(j) || check_turns(j) || bw_poll(j->ctx)) return j->ctx->error.status;
+    if (understand(j)) return blame_repair(j);
+    if (check_turns(j) || bw_poll(j->ctx)) return j->ctx->error.status;
     j->report->already_exact = j->seams.exact && !j->report->repaired;
     if (!j->seams.exact && (make_exact(j) || mend_exact(j))) return j->ctx->error.status;
     j->report->displacement_max = displacement(j);
@@ -390,7 +413,7 @@ bw_status bw_sanitize(bw_context *ctx, const bw_sanitize_options *options, bw_te
     bw_seams_clear(ctx, &j.seams);
     bw_seams_clear(ctx, &j.first_seams);
     bw_defects_clear(ctx, &j.defects);
-    bw_free(ctx, j.defective);
+    bw_free(ctx, j.unsure);
     bw_cutset_clear(ctx, &j.cut);
     bw_core_system_clear(ctx, &j.system);
     bw_free(ctx, j.rounded);

@@ -311,7 +311,7 @@ static bw_status solve(mender *m, bw_repair_verdict *verdict) {
     memset(c->x, 0, 2 * c->variable_count * sizeof *c->x);
     c->zero = c->x + c->variable_count;
     if (!make_shapes(m)) return BW_OK;
-    bool was_good = all_good(m);
+    bool was_good = all_good(m); /* and only thin */
     double before = thinnest(c, c->zero);
     if (bw_untangle(m->ctx, c->shape, c->tet_count, c->variable_count, c->x, &found)) return m->ctx->error.status;
     if (!(found.smallest > 0) || !within_grid(c)) return BW_OK;

@@ -47,9 +47,10 @@ const char *bw_repair_verdict_text(bw_repair_verdict verdict);
 /* Marks the hinges ([hinge]) whose turns after a repair are not certain, and counts them. `before`: what was read off the
  * map with its defects, their tets unsure; `after`: off the repaired map. Certain are
  *   - the turns around edges without defective tets, if they are the same as before;
- *   - regular ones: they follow from the transitions;
- *   - singular ones that are the same as the signed angles gave before, or as those of the singular edge's certain
- *     continuation, the only other one at a vertex. */
+ *   - regular ones and those a quarter off: transitions give turns up to whole ones, and any other number that agrees with
+ *     them is farther from the regular one;
+ *   - others that are the same as the signed angles gave before, or as those of the singular edge's certain continuation,
+ *     the only other one at a vertex. */
 bw_status bw_repair_check_turns(bw_context *ctx, const bw_star_input *before, const bw_seams *after, uint8_t *doubtful,
                                 size_t *count);
 

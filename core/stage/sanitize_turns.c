@@ -18,8 +18,9 @@ static bool has_unsure(const turns *w, bw_hinge h) {
 }
 
 static bool is_doubtful(const turns *w, bw_hinge h) {
-    if (w->before->seams->quarters[h] == w->after->quarters[h]) return false;
-    return !has_unsure(w, h) || !bw_seams_regular(w->after, w->before->hinges, h);
+    int regular = w->before->hinges->ring[h].open ? 2 : 4, quarters = w->after->quarters[h];
+    if (w->before->seams->quarters[h] == quarters) return false;
+    return !has_unsure(w, h) || quarters > regular + 1 || quarters < regular - 1;
 }
 
 /* Whether the singular edge goes on in one that is certain and has the same turns. */

@@ -111,6 +111,33 @@ static void options_reach_the_job(void **state) {
     }
 }
 
+/* A map with inverted tets fails with their places, and is repaired if that is asked for: the report says where. */
+static void a_folded_map_is_refused_by_place_or_repaired(void **state) {
+    (void)state;
+    const char *folded = kit_temp_path("folded.hexex"), *local = kit_temp_path("local-folded");
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cylinder", "--size", "2", "--folds", "3",
+                                            "--scramble", "blocks", "-o", folded, NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    r = kit_run((const char *[]){kit_program("blockwright"), "run", folded, "--repair", "--out", local, "--quiet", NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    for (client c = 0; c < CLIENTS; c++) {
+        const char *out = kit_temp_path("%s-folded", client_name[c]);
+        r = call(c, (const char *[]){"submit", folded, "--wait", "--quiet", NULL});
+        if (r.exit != 3 || !strstr(r.err, "[inverted]")) fail_msg("exit %d\n%s", r.exit, r.err);
+        if (c == C_CLIENT) assert_non_null(strstr(r.err, " tets around ("));
+        kit_result_clear(&r);
+        r = call_well(c, (const char *[]){"submit", folded, "--repair", "--out", out, "--quiet", NULL});
+        kit_result_clear(&r);
+        expect_same_results(local, out);
+        char *report = kit_read_file(kit_temp_path("%s-folded/report.json", client_name[c]), NULL);
+        assert_non_null(strstr(report, "\"repaired\""));
+        assert_non_null(strstr(report, "\"places\""));
+        free(report);
+    }
+}
+
 static void a_job_that_stops_early_has_nothing_to_fetch(void **state) {
     (void)state;
     for (client c = 0; c < CLIENTS; c++) {
@@ -234,6 +261,7 @@ int main(void) {
         cmocka_unit_test(both_clients_bring_home_what_a_local_run_makes),
         cmocka_unit_test(the_number_of_threads_changes_nothing),
         cmocka_unit_test(options_reach_the_job),
+        cmocka_unit_test(a_folded_map_is_refused_by_place_or_repaired),
         cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
         cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),
         cmocka_unit_test(names_survive_quotes_braces_and_backslashes),

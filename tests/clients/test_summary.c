@@ -89,10 +89,33 @@ static void without_reduction_nothing_is_said_of_it(void **state) {
     free(text);
 }
 
+static void a_repair_is_shown(void **state) {
+    (void)state;
+    const char *path = kit_temp_path("folded.hexex"), *folder = kit_temp_path("repaired");
+    kit_result result;
+    run_blockwright((const char *[]){"sample", "plate", "--size", "2", "--folds", "3", "-o", path, NULL}, &result);
+    kit_result_clear(&result);
+    result = kit_run((const char *[]){kit_program("blockwright"), "run", path, "--out", folder, "--quiet", NULL});
+    assert_int_equal(result.exit, 3);
+    assert_non_null(strstr(result.err, "[inverted]\n  "));
+    assert_non_null(strstr(result.err, " tets around ("));
+    kit_result_clear(&result);
+    run_blockwright((const char *[]){"run", path, "--repair", "--out", folder, "--until", "sanitize", "--quiet", NULL}, &result);
+    kit_result_clear(&result);
+    run_blockwright((const char *[]){"show", folder, NULL}, &result);
+    const char *line = strstr(result.out, "repaired  ");
+    assert_non_null(line);
+    unsigned regions = 0, tets = 0, moved = 0;
+    assert_int_equal(sscanf(line, "repaired %u regions, %u inverted or degenerate tets, %u vertices moved", &regions, &tets, &moved), 3);
+    assert_true(regions >= 1 && tets >= regions && moved >= 1);
+    kit_result_clear(&result);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(raw_and_reduced_counts_are_shown),
         cmocka_unit_test(without_reduction_nothing_is_said_of_it),
+        cmocka_unit_test(a_repair_is_shown),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
 }

@@ -42,11 +42,11 @@ static inline void fold_mark(folder *f) {
             if (f->clean.map.rotation[t]) f->kind[m->facet[t][i]] |= FOLD_SEAM;
 }
 
-/* Values and mesh of an exact map; `model` may have no perturbation. Takes the model over. */
-static inline void fold_start(folder *f, bw_model model) {
+/* The exact map that sanitization makes of a model. Takes the model over. */
+static inline void fold_start(folder *f, bw_model model, double tolerance) {
     *f = (folder){.model = model};
     bw_context_init(&f->ctx);
-    sanitize_model(&f->clean, &f->model, 1e-9);
+    sanitize_model(&f->clean, &f->model, tolerance);
     kit_expect_ok(&f->clean.ctx, f->clean.status);
     const bw_tet_mesh *m = fold_mesh(f);
     f->kind = bw_alloc(&f->ctx, m->vertex_count, 1);
@@ -138,6 +138,8 @@ static inline void fold_copy(const folder *f, sanitized *to) {
     for (size_t i = 0; i < 12 * f->model.tet_count; i++)
         to->mesh.parameter[f->clean.mesh.tet_id[i / 12]][i % 12 / 3][i % 3] =
             ldexp((double)f->clean.map.value[i / 12][i % 12 / 3][i % 3], -f->clean.map.exponent);
+    for (size_t t = 0; t < f->model.tet_count; t++) /* corners are swapped if the file lists mirrored tets */
+        memcpy(to->mesh.tet[f->clean.mesh.tet_id[t]], f->clean.mesh.tet[t], sizeof *to->mesh.tet);
 }
 
 /* Moves a vertex by delta, given in the chart of its first tet, in the mesh that fold_copy made. */
@@ -185,6 +187,96 @@ static inline void fold_expect_same_meaning(const folder *f, const sanitized *s)
         assert_int_equal(a.rotation, b.rotation);
         for (int k = 0; k < 3; k++) assert_true(ldexp((double)a.shift[k], shift) == (double)b.shift[k]);
     }
+}
+
+/* A random vertex that is all of `is` and none of `not` and can move; false if there is none. */
+static inline bool fold_pick(const folder *f, kit_random *random, int is, int not, bw_vertex *v, fold_star *star) {
+    for (int i = 0; i < 2000; i++) {
+        *v = (bw_vertex)kit_random_below(random, fold_mesh(f)->vertex_count);
+        if ((f->kind[*v] & is) != is || f->kind[*v] & not || f->first[*v] == f->first[*v + 1]) continue;
+        fold_read(f, *v, star);
+        if (star->free) return true;
+    }
+    return false;
+}
+
+/* Moves the vertex past its neighbours, by `reach` times the extent of a tet. */
+static inline void fold_past(const folder *f, kit_random *random, const fold_star *star, double reach, sanitized *s) {
+    int64_t extent[3], delta[3];
+    fold_extent(f, star, extent);
+    for (int k = 0; k < 3; k++) {
+        double far = reach * kit_random_range(random, 0.8, 1.2) * (kit_random_below(random, 2) ? 1 : -1);
+        delta[k] = star->free & 1 << k ? llrint(far * (double)extent[k]) : 0;
+    }
+    fold_move(f, star, s, delta);
+}
+
+/* ---- runs and what they say ---- */
+
+static inline void repair_mesh(sanitized *s, double tolerance) {
+    bw_sanitize_options options = {.tolerance = tolerance, .repair = true};
+    s->status = bw_sanitize(&s->ctx, &options, &s->mesh, &s->map, &s->report);
+}
+
+/* What a refusal has to say: the code, and where. */
+static inline void expect_refused(const sanitized *s) {
+    const bw_error *e = &s->ctx.error;
+    kit_expect_status(&s->ctx, s->status, BW_E_INVERTED);
+    assert_true(e->region_count >= 1 && e->element_count >= 1);
+    size_t tets = 0;
+    for (size_t r = 0; r < e->region_count && r < BW_REGIONS_KEPT; r++) {
+        const bw_region *region = &e->regions[r];
+        assert_true(region->tet_count >= 1);
+        tets += region->tet_count;
+        for (int k = 0; k < 3; k++)
+            assert_true(region->low[k] <= region->centre[k] && region->centre[k] <= region->high[k]);
+        for (size_t i = 0; i < region->tet_count && i < BW_REGION_TETS; i++)
+            assert_in_range(region->tets[i], 0, s->mesh.tet_count - 1);
+    }
+    if (e->region_count <= BW_REGIONS_KEPT) assert_int_equal(tets, e->element_count);
+}
+
+/* ---- collapsed regions ---- */
+
+/* Puts all vertices of a cuboid that lie within `radius` of a point, and are `kinds` of them, onto that point. The charts are one. */
+static inline void collapse(sanitized *s, const double at[3], double radius, bool boundary) {
+    const double(*position)[3] = (const double(*)[3])s->mesh.position;
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, sum[3] = {0, 0, 0};
+    size_t count = 0;
+    for (size_t v = 0; v < s->mesh.vertex_count; v++)
+        for (int k = 0; k < 3; k++) low[k] = fmin(low[k], position[v][k]), high[k] = fmax(high[k], position[v][k]);
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t i = 0; i < 4 * s->mesh.tet_count; i++) {
+            const double *p = position[s->mesh.tet[i / 4][i % 4]];
+            double *u = s->mesh.parameter[i / 4][i % 4], far = 0;
+            bool inside = true;
+            for (int k = 0; k < 3; k++) {
+                far += (p[k] - at[k]) * (p[k] - at[k]);
+                inside = inside && p[k] > low[k] + 1e-9 && p[k] < high[k] - 1e-9;
+            }
+            if (far > radius * radius || !(inside || boundary)) continue;
+            count += !pass;
+            for (int k = 0; k < 3; k++) {
+                if (pass) u[k] = sum[k] / (double)count;
+                else sum[k] += u[k];
+            }
+        }
+    assert_true(count > 0);
+}
+
+static inline void start_cuboid(sanitized *s, int size, double noise, double middle[3], double *extent) {
+    bw_model_options o = model_options(size, noise, 0, BW_SCRAMBLE_NONE, kit_seed());
+    bw_model model = make_model("cuboid", &o);
+    *s = (sanitized){0};
+    bw_context_init(&s->ctx);
+    kit_expect_ok(&s->ctx, mesh_from_model(&s->ctx, &model, &s->mesh));
+    double high[3] = {-INFINITY, -INFINITY, -INFINITY}, low[3] = {INFINITY, INFINITY, INFINITY};
+    for (size_t v = 0; v < model.vertex_count; v++)
+        for (int k = 0; k < 3; k++)
+            high[k] = fmax(high[k], model.position[v][k]), low[k] = fmin(low[k], model.position[v][k]);
+    *extent = 0;
+    for (int k = 0; k < 3; k++) middle[k] = 0.5 * (low[k] + high[k]), *extent = fmax(*extent, high[k] - low[k]);
+    drop_model(&model);
 }
 
 #endif

@@ -7,6 +7,12 @@
 
 #include "format/report_json.h"
 
+static void fill_region(bw_region *region, int i) {
+    region->tet_count = (size_t)(3 * i + 1);
+    for (size_t k = 0; k < region->tet_count && k < BW_REGION_TETS; k++) region->tets[k] = 100 * i + (int64_t)k;
+    for (int k = 0; k < 3; k++) region->centre[k] = i + 0.1 * k, region->low[k] = i - 0.3, region->high[k] = i + 1.0 / 3;
+}
+
 /* Every byte of every section set to something that JSON can carry. */
 static void fill(bw_report *r) {
     bw_report_init(r);
@@ -20,6 +26,11 @@ static void fill(bw_report *r) {
     r->sanitize.residual_alignment_max = 1e300;
     for (count = &r->sanitize.cut_facets; count <= &r->sanitize.free_variables; count++) *count = n++;
     r->sanitize.grid_exponent = -3;
+    r->has_repaired = true;
+    for (count = &r->sanitize.repaired.regions; count <= &r->sanitize.repaired.rings; count++) *count = n++;
+    r->sanitize.repaired.displacement_max = 0.1;
+    for (int i = 0; i < BW_REGIONS_KEPT; i++) fill_region(&r->sanitize.repaired.places[i], i);
+    r->sanitize.repaired.regions = 40;
     for (count = &r->trace.vertices; count <= &r->trace.boundary_polygons; count++) *count = n++;
     snprintf(r->complex.kind, sizeof r->complex.kind, "bc");
     for (count = &r->complex.raw.nodes; count <= &r->complex.raw.self_adjacent_patches; count++) *count = n++;
@@ -61,7 +72,7 @@ static void a_report_without_sections_stays_without_them(void **state) {
         fill(&whole);
         bw_report_init(&report);
         if (section == 1) report.has_input = true, report.input = whole.input;
-        if (section == 2) report.has_sanitize = true, report.sanitize = whole.sanitize;
+        if (section == 2) report.has_sanitize = report.has_repaired = true, report.sanitize = whole.sanitize;
         if (section == 3) report.has_trace = true, report.trace = whole.trace;
         if (section == 4) report.has_complex = true, report.complex = whole.complex;
         if (section == 5) report.has_quality = true, report.quality = whole.quality;
@@ -84,6 +95,25 @@ static void a_failure_comes_back_with_its_elements(void **state) {
         assert_non_null(strstr(text, "\"class\":\"input\""));
         assert_non_null(strstr(text, "\"status\":\"not-seamless\""));
         free(text);
+    }
+}
+
+static void a_failure_comes_back_with_its_regions(void **state) {
+    (void)state;
+    for (int regions = 1; regions <= 40; regions += 13) {
+        bw_context ctx;
+        bw_context_init(&ctx);
+        bw_report report;
+        bw_report_init(&report);
+        for (int i = 0; i < regions; i++) {
+            bw_region region = {0};
+            fill_region(&region, i);
+            bw_fail_region(&ctx, &region);
+        }
+        bw_fail(&ctx, BW_E_INVERTED, "%d regions", regions);
+        assert_int_equal(ctx.error.region_count, regions);
+        report.error = ctx.error;
+        expect_round_trip(&report);
     }
 }
 
@@ -193,6 +223,7 @@ int main(void) {
         cmocka_unit_test(a_full_report_comes_back_as_it_was),
         cmocka_unit_test(a_report_without_sections_stays_without_them),
         cmocka_unit_test(a_failure_comes_back_with_its_elements),
+        cmocka_unit_test(a_failure_comes_back_with_its_regions),
         cmocka_unit_test(text_that_is_no_report_is_refused),
         cmocka_unit_test(what_has_no_room_is_dropped_and_names_are_cut),
         cmocka_unit_test(text_that_is_not_utf8_is_kept_as_far_as_it_is),

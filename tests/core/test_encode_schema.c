@@ -160,6 +160,9 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         encode_run(&e);
         e.report.has_sanitize = true;
         e.report.sanitize.grid_exponent = e.map.exponent;
+        e.report.has_repaired = i % 2;
+        e.report.sanitize.repaired.regions = e.report.sanitize.repaired.tets = 1;
+        e.report.sanitize.repaired.places[0] = (bw_region){.tet_count = 1, .high = {1, 1, 1}};
         bw_report_add_stage(&e.report, "encode", 0.25, 4096);
         kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report,
                                               kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
@@ -182,10 +185,12 @@ static void reports_of_failures_and_of_nothing_keep_to_the_schema(void **state) 
         bw_report report;
         bw_report_init(&report);
         const double position[3] = {1, -2.5, 1e-9};
+        const bw_region region = {.tet_count = 2, .tets = {17, 18}, .high = {1, 2, 3}};
         if (failed) {
             bw_fail(&ctx, BW_E_INVERTED, "one tet is inverted: \"17\"");
             bw_fail_element(&ctx, "tet", 17, position);
             bw_fail_element(&ctx, "tet", 18, NULL);
+            bw_fail_region(&ctx, &region);
             report.error = ctx.error;
         }
         char *text = bw_report_to_json(&report);

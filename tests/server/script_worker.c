@@ -48,10 +48,12 @@ static void on_term(int signal) {
 }
 
 static void finish(const char *code) {
-    char text[400];
+    char text[700];
     int n = snprintf(text, sizeof text,
                      "{\"status\":\"%s\",\"message\":\"the script says %s\",\"element_count\":40,\"elements\":["
-                     "{\"kind\":\"tet\",\"id\":7,\"position\":[0.5,1,2]},{\"kind\":\"tet\",\"id\":9}]}", code, code);
+                     "{\"kind\":\"tet\",\"id\":7,\"position\":[0.5,1,2]},{\"kind\":\"tet\",\"id\":9}],\"region_count\":5,\"regions\":["
+                     "{\"tets\":3,\"ids\":[7,\"x\",9],\"position\":[0.5,1,2],\"box\":[[0,1,2],[1,1,2]],\"more\":1},"
+                     "{\"tets\":3,\"ids\":[7],\"position\":[0.5,1],\"box\":[[0,1,2],[1,1,2]]}]}", code, code);
     if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, "{\"status\":\"ok\"}");
     exit(bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n) ? 0 : 5);
 }

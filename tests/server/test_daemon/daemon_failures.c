@@ -67,6 +67,13 @@ static void an_input_failure_names_the_elements_at_fault(void **state) {
     assert_int_equal(json_array_size(json_object_get(json_array_get(elements, 0), "position")), 3);
     assert_int_equal(json_integer_value(json_object_get(failure, "status")), 422);
     assert_true(strlen(kit_text(failure, "detail")) > 0);
+    json_t *regions = json_object_get(failure, "regions"), *region = json_array_get(regions, 0);
+    assert_int_equal(json_integer_value(json_object_get(failure, "region_count")), 5);
+    assert_int_equal(json_array_size(regions), 1); /* the other one has no position */
+    assert_int_equal(json_object_size(region), 4);
+    assert_int_equal(json_integer_value(json_object_get(region, "tets")), 3);
+    assert_int_equal(json_array_size(json_object_get(region, "ids")), 2);
+    assert_int_equal(json_array_size(json_object_get(region, "box")), 2);
     json_decref(job);
 }
 
