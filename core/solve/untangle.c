@@ -5,7 +5,7 @@
 
 #include "solve/lbfgs.h"
 
-enum { ROUNDS = 40, ITERATIONS = 60, POLISH = 300 };
+enum { ROUNDS = 30, ITERATIONS = 60, POLISH = 300 };
 
 typedef struct {
     const bw_untangle_tet *tet;
@@ -130,17 +130,8 @@ bw_status bw_untangle(bw_context *ctx, const bw_untangle_tet *tet, size_t tet_co
                       bw_untangle_report *report) {
     tangle w = {tet, tet_count, variable_count, 0};
     *report = (bw_untangle_report){.smallest = smallest(&w, x)};
-    double *start = bw_alloc(ctx, variable_count, sizeof *start);
-    if (!start) return ctx->error.status;
-    memcpy(start, x, variable_count * sizeof *x);
-    if (report->smallest <= 0 && (minimize(ctx, &w, x, harmonic, report) || descend(ctx, &w, x, report))) goto out;
-    if (report->smallest <= 0) {
-        memcpy(x, start, variable_count * sizeof *x);
-        if (descend(ctx, &w, x, report)) goto out;
-    }
+    if (report->smallest <= 0 && (minimize(ctx, &w, x, harmonic, report) || descend(ctx, &w, x, report))) return ctx->error.status;
     w.epsilon = 0;
     if (report->smallest > 0 && !minimize(ctx, &w, x, energy, report)) report->smallest = smallest(&w, x);
-out:
-    bw_free(ctx, start);
     return ctx->error.status;
 }

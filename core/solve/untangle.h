@@ -7,8 +7,8 @@
  *
  * minimized for a falling sequence of eps. Once all D are positive eps is 0: then the energy is a barrier, no tet inverts
  * again, and what is left is shape. The descent starts from the harmonic map, for which all that matters is what may not move; a
- * vertex far out of place is back at once, where the energy alone would be caught in a local minimum. If that fails it starts
- * again from where the tets are. Floating point only: whoever rounds the result verifies it.
+ * vertex far out of place is back at once, where the energy alone would be caught in a local minimum. Floating point only: whoever
+ * rounds the result verifies it.
  */
 #ifndef BW_SOLVE_UNTANGLE_H
 #define BW_SOLVE_UNTANGLE_H
