@@ -1,0 +1,49 @@
+#include "quantize/verify.h"
+
+#include <stdio.h>
+
+#include "quantize/verify_parts.h"
+
+#define LENGTH_MOST ((int64_t)1 << 50)
+
+const char *bw_fault_name(bw_fault fault) {
+    static const char *const names[] = {"valid", "rectangle", "extent", "link", "region", "volume", "coincidence", "topology", "undecided"};
+    return names[fault];
+}
+
+void bw_verify_fault(bw_verifier *v, bw_fault fault, const char *kind, int64_t id, int64_t other, const char *message) {
+    bw_verdict *d = v->verdict;
+    if (d->fault != BW_VALID) return;
+    d->fault = fault, d->id = id, d->other = other;
+    snprintf(d->kind, sizeof d->kind, "%s", kind);
+    snprintf(d->message, sizeof d->message, "%s", message);
+}
+
+static void clear(bw_verifier *v) {
+    void *blocks[] = {v->across, v->box, v->extent, v->place_begin, v->place, v->rib_begin, v->rib, v->surface,
+                      v->arc_surface, v->arc_surfaces, v->arc_link, v->arc_at, v->arc_sense, v->link, v->node_critical,
+                      v->node_octants, v->node_quadrants, v->slid, v->contact};
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(v->ctx, blocks[i]);
+}
+
+/* Where no arc has to be contracted the complex itself, with longer and shorter arcs, is the proof. */
+static bool is_positive(const bw_complex *complex, const int64_t *length) {
+    for (size_t a = 0; a < complex->arc_count; a++)
+        if (length[a] <= 0) return false;
+    return true;
+}
+
+bw_status bw_verify(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, bw_verdict *out) {
+    bw_verifier v = {.ctx = ctx, .cells = cells, .x = complex, .length = length, .verdict = out};
+    *out = (bw_verdict){.fault = BW_VALID, .id = -1, .other = -1};
+    for (size_t a = 0; a < complex->arc_count; a++)
+        if (length[a] > LENGTH_MOST || length[a] < -LENGTH_MOST) return bw_fail(ctx, BW_E_RANGE, "the length of arc %zu is too large", a);
+    bw_status status = bw_verify_place(&v);
+    if (bw_verify_going(&v, status)) status = bw_verify_strata(&v);
+    if (bw_verify_going(&v, status)) status = bw_verify_contacts(&v);
+    if (bw_verify_going(&v, status)) status = bw_verify_contraction(&v);
+    if (bw_verify_going(&v, status) && v.too_fine && !is_positive(complex, length))
+        bw_verify_fault(&v, BW_UNDECIDED, "", -1, -1, "too many planes spiral through the blocks");
+    clear(&v);
+    return status;
+}
