@@ -38,10 +38,10 @@ static bw_status reach(flood *f, bw_cell from, bw_cell to, bw_facet facet) {
     bw_status status = known ? BW_OK : enter(f, to, block);
     if (status != BW_OK) return status;
     bw_transition chart = *bw_complex_chart(x, from);
+    if (facet != BW_NONE && bw_grid_map_same_chart(c->map, facet)) facet = BW_NONE;
     if (facet != BW_NONE) {
         bw_transition back = bw_grid_map_across(c->mesh, c->map, facet, bw_cells_tet(c, to));
-        if (bw_transition_is_identity(&back)) facet = BW_NONE;
-        else chart = bw_transition_compose(&chart, &back);
+        chart = bw_transition_compose(&chart, &back);
     }
     if (!known && facet != BW_NONE) return new_chart(f, &chart, to);
     if (!known) x->cell_chart[to] = x->cell_chart[from];

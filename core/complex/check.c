@@ -100,9 +100,11 @@ static bw_status check_block(const checker *k, size_t block) {
 
 /* Whether two neighbouring cells of a block have the same chart; `across` leads from that of cell[0] to that of cell[1]. */
 static bool same_chart(const bw_complex *x, const bw_cell cell[2], const bw_transition *across) {
+    if (x->cell_block[cell[0]] != x->cell_block[cell[1]]) return false;
+    if (!across && x->cell_chart[cell[0]] == x->cell_chart[cell[1]]) return true;
     bw_transition other = *bw_complex_chart(x, cell[1]);
     if (across) other = bw_transition_compose(&other, across);
-    return x->cell_block[cell[0]] == x->cell_block[cell[1]] && bw_transition_equal(&other, bw_complex_chart(x, cell[0]));
+    return bw_transition_equal(&other, bw_complex_chart(x, cell[0]));
 }
 
 /* Neighbouring cells of a block have the same chart: in tets that are not opened, ... */
@@ -113,8 +115,10 @@ static bw_status check_facets(bw_context *ctx, size_t begin, size_t end, int ran
     for (size_t f = begin; f < end; f++) {
         if (c->of_facet[f] != BW_NONE) continue;
         const bw_tet *tet = c->mesh->facet_tet[f];
-        bw_transition across = bw_grid_map_across(c->mesh, c->map, (bw_facet)f, tet[0]);
-        if (!same_chart(k->x, tet, &across)) return VIOLATED(k, "cells %d and %d of one block are laid out differently", tet[0], tet[1]);
+        bw_transition across;
+        bool same = bw_grid_map_same_chart(c->map, (bw_facet)f);
+        if (!same) across = bw_grid_map_across(c->mesh, c->map, (bw_facet)f, tet[0]);
+        if (!same_chart(k->x, tet, same ? NULL : &across)) return VIOLATED(k, "cells %d and %d of one block are laid out differently", tet[0], tet[1]);
     }
     return BW_OK;
 }
@@ -148,8 +152,9 @@ static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int r
             continue;
         }
         bw_transition across;
-        if (q->kind == BW_IN_FACET) across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
-        if (!same_chart(k->x, q->cell, q->kind == BW_IN_FACET ? &across : NULL))
+        bool same = q->kind == BW_IN_TET || bw_grid_map_same_chart(c->map, q->carrier);
+        if (!same) across = bw_cells_transition(c, (bw_polygon)p, q->cell[0]);
+        if (!same_chart(k->x, q->cell, same ? NULL : &across))
             status = VIOLATED(k, "cells %d and %d of one block are laid out differently", q->cell[0], q->cell[1]);
     }
     return status;

@@ -45,7 +45,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("feature.edge", s->mesh.feature_edge, n->feature_edge);
     FIELD("feature.facet", s->mesh.feature_facet, n->feature_facet);
     FIELD("value", s->map.value, n->tet);
-    FIELD("rotation", s->map.rotation, n->facet);
+    FIELD("turn", s->map.turn, n->facet);
     FIELD("align", s->map.align, n->facet);
     FIELD("quarters", s->map.quarters, n->edge);
     FIELD("edge.flags", s->map.edge_flags, n->edge);

@@ -162,7 +162,7 @@ bw_plane bw_cells_polygon_plane(const bw_cells *cells, bw_polygon polygon, bw_te
     if (p->kind == BW_IN_TET) return (bw_plane){cells->section[p->carrier], p->axis};
     if (p->axis < 0) return (bw_plane){0, -1};
     int8_t axis = p->axis;
-    if (tet != home_of(cells, p->carrier)) axis = bw_rotation_image[cells->map->rotation[p->carrier]][axis];
+    if (tet != home_of(cells, p->carrier)) axis = bw_rotation_image[bw_grid_map_rotation(cells->map, p->carrier)][axis];
     return (bw_plane){value_at(cells, tet, cells->mesh->facet[p->carrier][0])[axis], axis};
 }
 
@@ -184,7 +184,7 @@ int bw_cells_edge_axis(const bw_cells *cells, bw_cedge edge, bw_tet tet) {
     for (int i = 1; i < 3; i++)
         if (normal[(b + i) % 3] == 0) axis = (b + i) % 3;
     if (axis < 0 || tet == home_of(cells, e->carrier)) return axis;
-    return bw_rotation_image[cells->map->rotation[e->carrier]][axis];
+    return bw_rotation_image[bw_grid_map_rotation(cells->map, e->carrier)][axis];
 }
 
 bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e) {

@@ -8,7 +8,7 @@
 
 void bw_grid_map_clear(bw_context *ctx, bw_grid_map *map) {
     bw_free(ctx, map->value);
-    bw_free(ctx, map->rotation);
+    bw_free(ctx, map->turn);
     bw_free(ctx, map->align);
     bw_free(ctx, map->quarters);
     bw_free(ctx, map->edge_flags);
@@ -16,10 +16,12 @@ void bw_grid_map_clear(bw_context *ctx, bw_grid_map *map) {
 }
 
 bw_transition bw_grid_map_across(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_facet facet, bw_tet from) {
+    if (bw_grid_map_same_chart(map, facet)) return (bw_transition){{0, 0, 0}, 0};
     bw_vertex v = mesh->facet[facet][0];
     bw_tet to = bw_tet_across(mesh, facet, from);
     const int64_t *x = map->value[from][bw_tet_corner(mesh, from, v)], *y = map->value[to][bw_tet_corner(mesh, to, v)];
-    bw_rotation r = mesh->facet_tet[facet][0] == from ? map->rotation[facet] : bw_rotation_inverse(map->rotation[facet]);
+    bw_rotation r = bw_grid_map_rotation(map, facet);
+    if (mesh->facet_tet[facet][0] != from) r = bw_rotation_inverse(r);
     bw_transition t = {.rotation = r};
     bw_rotate(r, x, t.shift);
     for (int k = 0; k < 3; k++) t.shift[k] = y[k] - t.shift[k];
@@ -64,15 +66,16 @@ static void facet_values(const bw_tet_mesh *mesh, const bw_grid_map *map, bw_fac
         memcpy(out[i], map->value[t][bw_tet_corner(mesh, t, mesh->facet[f][i])], sizeof out[i]);
 }
 
-/* The rotation of the transition that carries a[i] to b[i] for i = 0..2, if there is one. It is unique: the corners are not collinear. */
-static bool find_rotation(int64_t a[3][3], int64_t b[3][3], bw_rotation *out) {
+/* bw_grid_map.turn of the transition that carries a[i] to b[i] for i = 0..2, if there is one. It is unique: the corners are not collinear. */
+static bool find_turn(int64_t a[3][3], int64_t b[3][3], uint8_t *out) {
     int64_t p[2][3], q[2][3];
     for (int i = 0; i < 2; i++) difference(a[0], a[i + 1], p[i]), difference(b[0], b[i + 1], q[i]);
     for (bw_rotation r = 0; r < BW_ROTATIONS; r++) {
         int64_t turned[2][3];
         for (int i = 0; i < 2; i++) bw_rotate(r, p[i], turned[i]);
         if (memcmp(turned, q, sizeof q)) continue;
-        *out = r;
+        bw_rotate(r, a[0], turned[0]);
+        *out = (uint8_t)(r | (memcmp(turned[0], b[0], sizeof b[0]) ? BW_TURN_SHIFTED : 0));
         return true;
     }
     return false;
@@ -88,7 +91,7 @@ static bw_status derive_facets(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid
         bool bad;
         if (t[1] != BW_NONE) {
             facet_values(mesh, map, (bw_facet)f, t[1], b);
-            bad = !find_rotation(a, b, &map->rotation[f]);
+            bad = !find_turn(a, b, &map->turn[f]);
             torn += bad;
         } else {
             for (int8_t k = 0; k < 3; k++)
@@ -253,8 +256,8 @@ static bw_status derive_features(bw_context *ctx, const bw_tet_mesh *mesh, bw_gr
 }
 
 bw_status bw_grid_map_derive(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid_map *map) {
-    bw_free(ctx, map->rotation), bw_free(ctx, map->align), bw_free(ctx, map->quarters), bw_free(ctx, map->edge_flags);
-    map->rotation = bw_alloc(ctx, mesh->facet_count, sizeof *map->rotation);
+    bw_free(ctx, map->turn), bw_free(ctx, map->align), bw_free(ctx, map->quarters), bw_free(ctx, map->edge_flags);
+    map->turn = bw_alloc(ctx, mesh->facet_count, sizeof *map->turn);
     map->align = bw_alloc(ctx, mesh->facet_count, sizeof *map->align);
     map->quarters = bw_alloc(ctx, mesh->edge_count, sizeof *map->quarters);
     map->edge_flags = bw_alloc(ctx, mesh->edge_count, sizeof *map->edge_flags);

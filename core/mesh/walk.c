@@ -71,6 +71,7 @@ static bw_cell beyond(const bw_cells *c, face f, bw_cell cell) {
 static bool changes_chart(const bw_cells *c, face f, bw_cell cell, bw_transition *across) {
     if (f.polygon != BW_NONE && c->polygon[f.polygon].kind == BW_IN_TET) return false;
     bw_facet facet = f.polygon == BW_NONE ? f.facet : c->polygon[f.polygon].carrier;
+    if (bw_grid_map_same_chart(c->map, facet)) return false;
     *across = bw_grid_map_across(c->mesh, c->map, facet, bw_cells_tet(c, cell));
     return true;
 }

@@ -39,7 +39,7 @@ static inline void fold_mark(folder *f) {
                 f->kind[m->edge[e][i]] |= FOLD_NEAR_SINGULAR;
     for (size_t t = 0; t < m->facet_count; t++)
         for (int i = 0; i < 3 && m->facet_tet[t][1] != BW_NONE; i++)
-            if (f->clean.map.rotation[t]) f->kind[m->facet[t][i]] |= FOLD_SEAM;
+            if (bw_grid_map_rotation(&f->clean.map, (bw_facet)t)) f->kind[m->facet[t][i]] |= FOLD_SEAM;
 }
 
 /* The exact map that sanitization makes of a model. Takes the model over. */
