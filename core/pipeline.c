@@ -165,11 +165,11 @@ static const struct {
     int version;
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
-    [BW_STAGE_SANITIZE] = {"sanitize", 3, run_sanitize},
-    [BW_STAGE_TRACE] = {"trace", 6, run_trace},
-    [BW_STAGE_BUILD] = {"build", 7, run_build},
-    [BW_STAGE_REDUCE] = {"reduce", 4, run_reduce},
-    [BW_STAGE_QUANTIZE] = {"quantize", 2, run_quantize},
+    [BW_STAGE_SANITIZE] = {"sanitize", 4, run_sanitize},
+    [BW_STAGE_TRACE] = {"trace", 7, run_trace},
+    [BW_STAGE_BUILD] = {"build", 8, run_build},
+    [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
+    [BW_STAGE_QUANTIZE] = {"quantize", 3, run_quantize},
     [BW_STAGE_ENCODE] = {"encode", 4, run_encode},
 };
 
