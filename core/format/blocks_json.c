@@ -36,12 +36,8 @@ bw_cell bw_patch_cell(const bw_cells *cells, const bw_complex *c, bw_patch patch
 }
 
 bw_transition bw_patch_transition(const bw_cells *cells, const bw_complex *c, bw_patch patch) {
-    bw_polygon p = c->patch_polygon[c->patch_polygon_begin[patch]];
-    bw_cell from = bw_patch_cell(cells, c, patch, p, 0), to = bw_cells_across(cells, p, from);
-    bw_transition in = bw_transition_inverse(bw_complex_chart(c, from)),
-                  across = bw_cells_transition(cells, p, from);
-    bw_transition there = bw_transition_compose(&across, &in);
-    return bw_transition_compose(bw_complex_chart(c, to), &there);
+    bw_transition back = bw_complex_across(cells, c, patch);
+    return bw_transition_inverse(&back);
 }
 
 /* ---- values

@@ -101,6 +101,7 @@ void bw_validity_free(bw_context *ctx, bw_validity *v) {
 bw_validity_figures bw_validity_count(const bw_validity *v) { return v->figures; }
 const bw_surface *bw_validity_surface(const bw_validity *v) { return &v->surface; }
 const bw_critical *bw_validity_critical(const bw_validity *v) { return &v->critical; }
+const bw_loops *bw_validity_loops(const bw_validity *v) { return &v->loops; }
 
 /* ---- chains: consistency and (i) ---- */
 

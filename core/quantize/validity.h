@@ -23,6 +23,7 @@
 
 #include "quantize/constraint.h"
 #include "quantize/critical.h"
+#include "quantize/loops.h"
 
 typedef struct bw_validity bw_validity;
 
@@ -43,5 +44,6 @@ bw_validity_figures bw_validity_count(const bw_validity *validity);
 /* What was found out about the complex; borrowed from `validity`. */
 const bw_surface *bw_validity_surface(const bw_validity *validity);
 const bw_critical *bw_validity_critical(const bw_validity *validity);
+const bw_loops *bw_validity_loops(const bw_validity *validity);
 
 #endif

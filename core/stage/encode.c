@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "format/blocks_json.h"
+#include "format/constraints_json.h"
 #include "format/traced.h"
 #include "format/view.h"
 #include "format/vtm.h"
@@ -44,6 +45,17 @@ static bw_status write_traced(encoder *e, const char *path, uint64_t *bytes) {
 static bw_status write_blocks(encoder *e, const char *path, uint64_t *bytes) {
     return bw_blocks_write(e->ctx, e->cells, e->complex, e->report->complex.kind, e->length, e->block_volume,
                            (const double(*)[3])e->position, path, bytes);
+}
+
+static bw_status write_constraints(encoder *e, const char *path, uint64_t *bytes) {
+    bw_validity *validity;
+    bw_differential d = {0};
+    bw_status status = bw_validity_new(e->ctx, e->cells, e->complex, &validity);
+    if (status == BW_OK) status = bw_differential_init(e->ctx, e->cells, validity, e->length, &d);
+    if (status == BW_OK) status = bw_constraints_write(e->ctx, e->cells, e->complex, &d, path, bytes);
+    bw_differential_clear(e->ctx, &d);
+    bw_validity_free(e->ctx, validity);
+    return status;
 }
 
 static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
@@ -138,6 +150,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     bw_status status = prepare(&e, cells);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
+    if (status == BW_OK && length) status = write_result(&e, "constraints.json", write_constraints);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
     if (status == BW_OK && vtk) status = write_vtm(&e);
     if (status == BW_OK) status = measure_blocks(&e);

@@ -1,4 +1,4 @@
-/* report.json and blocks.json keep to api/schemas. The validator below knows the words of JSON Schema that
+/* report.json, blocks.json and constraints.json keep to api/schemas. The validator below knows the words of JSON Schema that
  * the schemas use and fails on any other, so that no rule is passed over in silence. */
 #include "core/encode_kit.h"
 #include "stage/quantize.h"
@@ -167,8 +167,9 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report,
                                               kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
         static const char *const pair[][2] = {{"blocks.json", "blocks.schema.json"},
-                                              {"report.json", "report.schema.json"}};
-        for (int f = 0; f < 2; f++) {
+                                              {"report.json", "report.schema.json"},
+                                              {"constraints.json", "constraints.schema.json"}};
+        for (int f = 0; f < (i ? 3 : 2); f++) {
             json_t *value = encoded_json(&e, pair[f][0]);
             if (!keeps_to(pair[f][1], value)) fail_msg("%s of %s: %s", pair[f][0], samples[i].name, fault);
             json_decref(value);
