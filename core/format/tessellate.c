@@ -140,7 +140,8 @@ static bw_status list_vertices(bw_context *ctx, const bw_tessellation *t, bw_cha
 }
 
 /* bw_tessellation_side, the cell's vertices being listed: the sign of the tet with the cell's vertex that is
- * farthest from the plane. A polygon's two cells are on opposite sides, so one answer serves both. */
+ * farthest from the plane, as far as doubles tell; in a cell as thin as their error with any that is not in it. A polygon's two
+ * cells are on opposite sides, so one answer serves both. */
 static int side_of_cell(bw_tessellation *t, const bw_chart *chart, bw_cell cell, bw_polygon polygon) {
     const bw_cell_half *half = t->cells->half;
     int turn = t->cells->polygon[polygon].cell[0] == cell ? 1 : -1;
@@ -161,6 +162,12 @@ static int side_of_cell(bw_tessellation *t, const bw_chart *chart, bw_cell cell,
     }
     slot[0] = best;
     int sign = bw_chart_sign(chart, slot);
+    FOR_POLYGONS(t->cells, q, cell)
+    FOR_HALVES(t->cells, x, q) {
+        if (sign) break;
+        slot[0] = chart->slot[half[x].origin];
+        sign = bw_chart_sign(chart, slot);
+    }
     t->side[polygon] = (int8_t)(turn * sign);
     return sign;
 }

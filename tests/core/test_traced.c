@@ -122,6 +122,33 @@ static void cut_at_random(fixture *f, int cuts, kit_random *random) {
     }
 }
 
+/* Cells one grid unit thick: doubles cannot tell which side of their polygons they are on. */
+static void cells_as_thin_as_can_be_become_positive_tets_too(void **state) {
+    (void)state;
+    kit_random random = kit_random_start(3);
+    static const char *const names[] = {"cuboid", "cylinder"};
+    for (int i = 0; i < 2; i++) {
+        fixture f;
+        open_model(&f, names[i], 1 + i, 0.6);
+        bw_cell cell = 0;
+        for (int k = 0; k < 600; k++) {
+            if (k % 3 == 0) cell = (bw_cell)kit_random_below(&random, f.cells.cell_count); /* else the last thin one */
+            bw_polygon section;
+            if ((size_t)cell < f.mesh.tet_count) kit_expect_ok(&f.ctx, bw_cells_open(&f.ctx, &f.cells, cell));
+            bw_plane plane = random_plane(&f, cell, &random);
+            size_t before = f.cells.cell_count;
+            kit_expect_ok(&f.ctx, bw_cells_cut(&f.ctx, &f.cells, cell, plane, &section));
+            if (f.cells.cell_count == before) continue;
+            cell = (bw_cell)before;
+            plane.value++;
+            kit_expect_ok(&f.ctx, bw_cells_cut(&f.ctx, &f.cells, cell, plane, &section));
+        }
+        traced_verdict v = check(&f, names[i], false);
+        assert_true(v.tets >= f.cells.cell_count);
+        close_model(&f);
+    }
+}
+
 static void a_complex_cut_at_random_becomes_a_conforming_positive_tet_mesh(void **state) {
     (void)state;
     kit_random random = kit_random_start(1);
@@ -371,6 +398,7 @@ static void a_file_that_cannot_be_written_is_an_io_error(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_complex_cut_at_random_becomes_a_conforming_positive_tet_mesh),
+        cmocka_unit_test(cells_as_thin_as_can_be_become_positive_tets_too),
         cmocka_unit_test(cells_that_cannot_be_coned_from_a_vertex_get_a_point_inside),
         cmocka_unit_test(printed_parameters_are_the_exact_ones_on_any_grid),
         cmocka_unit_test(traced_samples_fill_boxes_exactly),

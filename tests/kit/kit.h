@@ -56,6 +56,7 @@ typedef struct {
 uint64_t kit_seed(void);
 /* A generator that depends on the seed and on `stream`, so that tests in one program do not share numbers. */
 kit_random kit_random_start(uint64_t stream);
+kit_random kit_random_of(uint64_t seed, uint64_t stream); /* what a run with BW_SEED=seed gets */
 uint64_t kit_random_next(kit_random *random);
 uint64_t kit_random_below(kit_random *random, uint64_t bound); /* 0 .. bound-1; bound > 0 */
 double kit_random_unit(kit_random *random);                    /* [0, 1) */

@@ -24,11 +24,13 @@ uint64_t kit_seed(void) {
     return seed;
 }
 
-kit_random kit_random_start(uint64_t stream) {
-    kit_random random = {kit_seed() ^ (stream * 0xd1342543de82ef95u)};
+kit_random kit_random_of(uint64_t seed, uint64_t stream) {
+    kit_random random = {seed ^ (stream * 0xd1342543de82ef95u)};
     kit_random_next(&random);
     return random;
 }
+
+kit_random kit_random_start(uint64_t stream) { return kit_random_of(kit_seed(), stream); }
 
 uint64_t kit_random_next(kit_random *random) {
     uint64_t z = random->state += 0x9e3779b97f4a7c15u;
