@@ -239,7 +239,32 @@ static void wider_ranges_are_never_worse_and_a_stopped_search_is_honest(void **s
     }
 }
 
+static bw_status quantize_once(bw_context *ctx, void *user) {
+    const reducible *r = user;
+    bw_quantizer q;
+    bw_quant_oracle oracle = {0};
+    bw_quant_result result;
+    bw_status status = bw_quantizer_open(ctx, &r->raw, r->map.exponent, BW_QUANTIZE_ANY, &oracle, &q);
+    if (status != BW_OK) return status;
+    status = bw_quantizer_solve(ctx, &q, 0.37, 60, &result);
+    if (status == BW_OK) status = bw_quantizer_fewest(ctx, &q, 60, &result);
+    double scale;
+    if (status == BW_OK) status = bw_quantizer_aim(ctx, &q, 40, 60, &scale, &result);
+    bw_quantizer_close(ctx, &q);
+    return status;
+}
+
+static void each_allocation_may_fail(void **state) {
+    (void)state;
+    reducible r;
+    bw_model_options options = reduce_options_of(1, 3);
+    reducible_open(&r, "l-shape", &options, BW_COMPLEX_MC, false);
+    assert_true(kit_fail_each_allocation(quantize_once, &r) > 20);
+    reducible_close(&r);
+}
+
 static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(each_allocation_may_fail),
     cmocka_unit_test(optima_are_those_of_enumeration),
     cmocka_unit_test(fewest_hexes_are_those_of_enumeration),
     cmocka_unit_test(wider_ranges_are_never_worse_and_a_stopped_search_is_honest),
