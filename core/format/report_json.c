@@ -122,6 +122,7 @@ static const field fields[] = {
     QUANT(NUMBER, seconds_setup),
     QUANT(NUMBER, seconds_separation),
     QUANT(NUMBER, seconds_solver),
+    QUANT(NUMBER, seconds_check),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),

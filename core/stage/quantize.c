@@ -6,6 +6,7 @@
 
 #include "quantize/quantizer.h"
 #include "quantize/validity.h"
+#include "quantize/verify.h"
 
 static const char *const range_names[] = {"none", "positive", "nonnegative", "any"};
 
@@ -40,6 +41,17 @@ static void report_row(const bw_report_quantization *from, bw_report_sweep *row)
 
 static bw_status separate(void *user, const int64_t *length, bw_constraint_list *violated) {
     return bw_validity_separate(user, length, violated);
+}
+
+/* The independent check, at the end of every job. */
+static bw_status check(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, bw_report_quantization *out) {
+    double since = seconds_now();
+    bw_verdict verdict;
+    bw_status status = bw_verify(ctx, cells, complex, length, &verdict);
+    out->seconds_check = seconds_now() - since;
+    if (status != BW_OK || verdict.fault == BW_VALID) return status;
+    if (*verdict.kind) bw_fail_element(ctx, verdict.kind, verdict.id, NULL);
+    return bw_fail(ctx, BW_E_CHECK, "the quantization that was found is not valid (%s): %s", bw_fault_name(verdict.fault), verdict.message);
 }
 
 static bw_status sweep(bw_context *ctx, bw_quantizer *q, const bw_quantize_options *options, bw_report *report) {
@@ -96,6 +108,7 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
         snprintf(report->quantization.range, sizeof report->quantization.range, "%s", range_names[options->range]);
         report->quantization.seconds_setup = setup;
         report->has_quantization = true;
+        status = check(ctx, cells, complex, *length, &report->quantization);
     }
     bw_quantizer_close(ctx, &q);
     bw_validity_free(ctx, validity);
