@@ -123,6 +123,7 @@ static const field fields[] = {
     QUANT(NUMBER, seconds_separation),
     QUANT(NUMBER, seconds_solver),
     QUANT(NUMBER, seconds_check),
+    QUANT(FLAG, verified),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),

@@ -44,6 +44,7 @@ typedef struct {
     uint64_t arcs, classes, free_integers; /* classes: arcs that are always equally long count once */
     uint64_t rounds, constraints, nodes;   /* rounds: times that validity was found broken; constraints: learnt from that; nodes: of the search */
     double seconds, seconds_setup, seconds_separation, seconds_solver, seconds_check;
+    bool verified; /* this result and those of the sweep are valid by contraction too (quantize/verify.h); false only where that was too large to do */
 } bw_report_quantization;
 
 /* One row of the table over sizes. */

@@ -19,8 +19,8 @@ typedef struct {
 } bw_quantize_options;
 
 /* Finds the quantization: (*length)[arc], owned by the caller (bw_free), and fills report->quantization. The same input gives the same lengths, unless
- * the time limit cuts the search (status gap or heuristic). Errors: BW_E_RANGE, BW_E_ALGORITHM, BW_E_CHECK if the result fails its
- * own check, BW_E_MEMORY, BW_E_CANCELLED. */
+ * the time limit cuts the search (status gap or heuristic). Errors: BW_E_RANGE, BW_E_ALGORITHM, BW_E_CHECK if a result, of the table of sizes too, is
+ * found invalid by contraction (quantize/verify.h), BW_E_MEMORY, BW_E_CANCELLED. */
 bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_quantize_options *options,
                       int64_t **length, bw_report *report);
 

@@ -107,6 +107,7 @@ static void lengths_in_blocks_json_are_what_the_report_says(void **state) {
             outcome o = run(sample(names[i]), json);
             expect_consistent(&o);
             assert_string_equal(json_string_value(json_object_get(o.found, "status")), "optimal");
+            assert_true(json_is_true(json_object_get(o.found, "verified")));
             outcome_clear(&o);
         }
 }
