@@ -170,7 +170,7 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 8, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 6, run_quantize},
-    [BW_STAGE_ENCODE] = {"encode", 5, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 6, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }

@@ -10,6 +10,7 @@
 
 #include "format/blocks_json.h"
 #include "format/constraints_json.h"
+#include "format/sizes_svg.h"
 #include "format/traced.h"
 #include "format/view.h"
 #include "format/vtm.h"
@@ -45,6 +46,10 @@ static bw_status write_traced(encoder *e, const char *path, uint64_t *bytes) {
 static bw_status write_blocks(encoder *e, const char *path, uint64_t *bytes) {
     return bw_blocks_write(e->ctx, e->cells, e->complex, e->report->complex.kind, e->length, e->block_volume,
                            (const double(*)[3])e->position, path, bytes);
+}
+
+static bw_status write_sizes(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_sizes_write(e->ctx, e->report, path, bytes);
 }
 
 static bw_status write_constraints(encoder *e, const char *path, uint64_t *bytes) {
@@ -151,6 +156,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK && length) status = write_result(&e, "constraints.json", write_constraints);
+    if (status == BW_OK && length && report->sweep_count) status = write_result(&e, "sizes.svg", write_sizes);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
     if (status == BW_OK && vtk) status = write_vtm(&e);
     if (status == BW_OK) status = measure_blocks(&e);

@@ -3,6 +3,7 @@
  *     traced.hexex   the cell complex as a tet mesh with exact parameters, and its walls   (format/traced.h)
  *     blocks.json    nodes, arcs, patches, blocks                                          (format/blocks_json.h)
  *     constraints.json  with integer lengths: the differences of parameters they ask for   (format/constraints_json.h)
+ *     sizes.svg      with a table over sizes: its charts                                   (format/sizes_svg.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
  * report.json is the pipeline's to write, when the stage's own time is known.

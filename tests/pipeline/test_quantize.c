@@ -145,6 +145,11 @@ static void a_list_of_scales_gives_a_table(void **state) {
         assert_true(number(json_array_get(sweep, i), "hexes") >= number(json_array_get(sweep, i - 1), "hexes"));
         assert_true(number(json_array_get(sweep, i), "scale") == ldexp(1, (int)i - 2));
     }
+    size_t size, circles = 0; /* four charts of five points; at scale 0 there is no distortion */
+    char *svg = kit_read_file(kit_temp_path("out/sizes.svg"), &size);
+    for (const char *at = svg; (at = strstr(at, "class=\"full\"")); at++) circles++;
+    assert_int_equal(circles, 19);
+    free(svg);
     const json_t *same = json_array_get(sweep, 3);
     assert_true(fabs(number(same, "objective") - number(o.found, "objective")) < 1e-9);
     outcome_clear(&o);
