@@ -11,8 +11,8 @@ void bw_defects_clear(bw_context *ctx, bw_defects *defects) {
     *defects = (bw_defects){0};
 }
 
-static bw_status list_tets(bw_context *ctx, const bw_tet_mesh *mesh, const int64_t (*value)[4][3], bw_tet **out,
-                           size_t *count) {
+static bw_status list_tets(bw_context *ctx, const bw_tet_mesh *mesh, const int64_t (*value)[4][3],
+                           bw_tet **out, size_t *count) {
     size_t room = 0;
     *out = NULL;
     *count = 0;
@@ -30,7 +30,8 @@ static int32_t root(int32_t *parent, int32_t i) {
 }
 
 /* parent[i]: the lowest tet of the list, by its place there, in the same region as tet i. */
-static bw_status join(bw_context *ctx, const bw_tet_mesh *mesh, const bw_tet *tet, size_t count, int32_t *parent) {
+static bw_status join(bw_context *ctx, const bw_tet_mesh *mesh, const bw_tet *tet, size_t count,
+                      int32_t *parent) {
     int32_t *at = bw_alloc(ctx, mesh->vertex_count, sizeof *at); /* the last tet seen at a vertex, plus 1 */
     if (!at) return ctx->error.status;
     for (size_t i = 0; i < count; i++) {
@@ -48,7 +49,8 @@ static bw_status join(bw_context *ctx, const bw_tet_mesh *mesh, const bw_tet *te
 }
 
 /* Sorts the tets by region; parent becomes the region. */
-static bw_status group(bw_context *ctx, bw_defects *defects, const bw_tet *tet, size_t count, int32_t *parent) {
+static bw_status group(bw_context *ctx, bw_defects *defects, const bw_tet *tet, size_t count,
+                       int32_t *parent) {
     for (size_t i = 0; i < count; i++)
         parent[i] = parent[i] == (int32_t)i ? (int32_t)defects->count++ : parent[parent[i]];
     defects->first = bw_alloc(ctx, defects->count + 2, sizeof *defects->first);
@@ -60,7 +62,8 @@ static bw_status group(bw_context *ctx, bw_defects *defects, const bw_tet *tet, 
     return BW_OK;
 }
 
-bw_status bw_defects_init(bw_context *ctx, bw_defects *defects, const bw_tet_mesh *mesh, const int64_t (*value)[4][3]) {
+bw_status bw_defects_init(bw_context *ctx, bw_defects *defects, const bw_tet_mesh *mesh,
+                          const int64_t (*value)[4][3]) {
     bw_tet *tet;
     size_t count;
     *defects = (bw_defects){0};

@@ -15,8 +15,10 @@ typedef struct {
     bw_tet *tet;
 } bw_defects;
 
-/* Finds the tets whose volume in `value` is not positive, exactly. Takes no memory if there are none. O(tets). */
-bw_status bw_defects_init(bw_context *ctx, bw_defects *defects, const bw_tet_mesh *mesh, const int64_t (*value)[4][3]);
+/* Finds the tets whose volume in `value` is not positive, exactly. Takes no memory if there are none.
+ * O(tets). */
+bw_status bw_defects_init(bw_context *ctx, bw_defects *defects, const bw_tet_mesh *mesh,
+                          const int64_t (*value)[4][3]);
 void bw_defects_clear(bw_context *ctx, bw_defects *defects);
 
 static inline size_t bw_defects_tets(const bw_defects *defects) {

@@ -27,14 +27,18 @@ bw_status bw_stars_init(bw_context *ctx, bw_stars *stars, const bw_star_input *i
     return BW_OK;
 }
 
-static bool is_unsure(const bw_stars *stars, bw_tet t) { return stars->in->unsure && stars->in->unsure[t]; }
+static bool is_unsure(const bw_stars *stars, bw_tet t) {
+    return stars->in->unsure && stars->in->unsure[t];
+}
 
 /* What is constant up to the map's defects. */
-static int64_t noise(const bw_stars *stars) { return 16 * (1 + stars->in->seams->defect); }
+static int64_t noise(const bw_stars *stars) {
+    return 16 * (1 + stars->in->seams->defect);
+}
 
 /* Holds the axis of the item's chart. */
 static void hold(bw_stars *stars, const bw_star_item *item, int axis) {
-    stars->free &= (uint8_t)~(1 << bw_rotation_axis[item->rotation][axis]);
+    stars->free &= (uint8_t) ~(1 << bw_rotation_axis[item->rotation][axis]);
 }
 
 /* An aligned facet holds its constant axis; where its tet is unsure, every axis that may be it. */
@@ -56,8 +60,8 @@ static void hold_aligned(bw_stars *stars, const bw_star_item *item, bw_facet f) 
 static bool is_clear(const bw_stars *stars, bw_facet f) {
     const bw_tet *t = stars->in->mesh->facet_tet[f];
     if (!is_unsure(stars, t[0]) && !is_unsure(stars, t[1])) return true;
-    return bw_seams_facet_clear(stars->in->seams, stars->in->mesh, stars->in->value, f, stars->in->tolerance) ==
-           BW_SEAM_CLEAR;
+    return bw_seams_facet_clear(stars->in->seams, stars->in->mesh, stars->in->value, f,
+                                stars->in->tolerance) == BW_SEAM_CLEAR;
 }
 
 /* Goes on across a facet; where the next tet was reached another way, the turn of the loop is held. */
@@ -96,8 +100,8 @@ static void walk(bw_stars *stars) {
     }
 }
 
-/* The hinge of an edge at the vertex that has to run along an axis: the two others are held; all, if the values leave open
- * which one it is. */
+/* The hinge of an edge at the vertex that has to run along an axis: the two others are held; all, if the
+ * values leave open which one it is. */
 static void hold_line(bw_stars *stars, bw_hinge h) {
     const bw_tet_mesh *mesh = stars->in->mesh;
     const bw_ring *ring = &stars->in->hinges->ring[h];

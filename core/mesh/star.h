@@ -1,11 +1,13 @@
 /* Stars: the tets around a vertex as seen from one chart, and along which axes the vertex is free to move.
  *
- * If vertex v moves by d in the chart of item[0], its corner in item[i] moves by rotation[i] of d, and every transition
- * between the tets of the star stays exactly what it is, provided that d keeps to the axes of `free`. Held is
+ * If vertex v moves by d in the chart of item[0], its corner in item[i] moves by rotation[i] of d, and every
+ * transition between the tets of the star stays exactly what it is, provided that d keeps to the axes of
+ * `free`. Held is
  *   - what the monodromy of a singular edge at v turns: there only its axis is free (MC 6.2, fixed points);
- *   - the constant axis of every boundary and feature facet at v, both other axes of an edge that must run along one;
- *   - everything at feature vertices, where parts of the mesh merely touch, where turns about several axes meet, and where
- *     a transition next to an unsure tet is not clear (mesh/seams.h).
+ *   - the constant axis of every boundary and feature facet at v, and both other axes of an edge that must
+ *     run along one;
+ *   - everything at feature vertices, where parts of the mesh merely touch, where turns about several axes
+ *     meet, and where a transition next to an unsure tet is not clear (mesh/seams.h).
  */
 #ifndef BW_MESH_STAR_H
 #define BW_MESH_STAR_H
@@ -30,15 +32,16 @@ typedef struct {
 
 typedef struct {
     const bw_star_input *in;
-    int32_t *first, *corner; /* corners (4 * tet + corner) of vertex v: corner[first[v]] .. corner[first[v + 1] - 1] */
-    uint8_t *feature;        /* [vertex] */
+    int32_t *first;   /* [vertex + 1] into corner */
+    int32_t *corner;  /* 4 * tet + corner, by vertex */
+    uint8_t *feature; /* [vertex] */
     int32_t *slot, *stack;
     size_t room, stack_room;
     /* of the vertex read last */
     bw_star_item *item; /* lowest tet first */
     size_t count;
-    uint8_t free;    /* bit k: axis k of the chart of item[0] */
-    bool unclear;    /* a transition could not be told */
+    uint8_t free; /* bit k: axis k of the chart of item[0] */
+    bool unclear; /* a transition could not be told */
 } bw_stars;
 
 bw_status bw_stars_init(bw_context *ctx, bw_stars *stars, const bw_star_input *input);

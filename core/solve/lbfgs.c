@@ -41,7 +41,8 @@ static void choose_direction(search *w, double step) {
     }
 }
 
-/* Finds a step that fulfils the weak Wolfe conditions, or the last one that gains anything; false if none does. */
+/* Finds a step that fulfils the weak Wolfe conditions, or the last one that gains anything; false if none
+ * does. */
 static bool search_line(search *w) {
     double slope = dot(w->n, w->direction, w->gradient), low = 0, high = INFINITY, t = 1;
     if (!(slope < 0)) return false;
@@ -53,8 +54,10 @@ static bool search_line(search *w) {
             w->value = value;
             return true;
         }
-        if (enough) low = t;
-        else high = t;
+        if (enough)
+            low = t;
+        else
+            high = t;
         t = isinf(high) ? 2 * low : 0.5 * (low + high);
     }
     return false;
@@ -63,7 +66,8 @@ static bool search_line(search *w) {
 /* Takes the step; its pair is kept if it has positive curvature. */
 static void accept(search *w) {
     double *s = w->s[w->newest], *y = w->y[w->newest], *swap;
-    for (size_t i = 0; i < w->n; i++) s[i] = w->trial[i] - w->x[i], y[i] = w->trial_gradient[i] - w->gradient[i];
+    for (size_t i = 0; i < w->n; i++)
+        s[i] = w->trial[i] - w->x[i], y[i] = w->trial_gradient[i] - w->gradient[i];
     double sy = dot(w->n, s, y);
     swap = w->x, w->x = w->trial, w->trial = swap;
     swap = w->gradient, w->gradient = w->trial_gradient, w->trial_gradient = swap;
@@ -73,7 +77,8 @@ static void accept(search *w) {
     w->pairs += w->pairs < PAIRS;
 }
 
-static bw_status iterate(bw_context *ctx, search *w, const bw_lbfgs_options *options, bw_lbfgs_report *report) {
+static bw_status iterate(bw_context *ctx, search *w, const bw_lbfgs_options *options,
+                         bw_lbfgs_report *report) {
     for (int i = 0; i < options->iterations; i++) {
         double before = w->value;
         if (bw_poll(ctx)) return ctx->error.status;
@@ -97,7 +102,8 @@ bw_status bw_lbfgs(bw_context *ctx, size_t n, double *x, bw_lbfgs_energy *energy
     double *all = bw_alloc(ctx, (5 + 2 * PAIRS) * n, sizeof *all);
     *report = (bw_lbfgs_report){0};
     if (!all) return ctx->error.status;
-    w.x = all, w.gradient = all + n, w.direction = all + 2 * n, w.trial = all + 3 * n, w.trial_gradient = all + 4 * n;
+    w.x = all, w.gradient = all + n, w.direction = all + 2 * n, w.trial = all + 3 * n,
+    w.trial_gradient = all + 4 * n;
     for (size_t k = 0; k < PAIRS; k++) w.s[k] = all + (5 + 2 * k) * n, w.y[k] = w.s[k] + n;
     memcpy(w.x, x, n * sizeof *x);
     w.value = report->before = energy(user, w.x, w.gradient);

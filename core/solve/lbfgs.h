@@ -1,7 +1,7 @@
 /* Unconstrained minimization: limited-memory BFGS with a bisecting line search for the weak Wolfe conditions.
  *
- * The energy may be infinite (a barrier); the line search backs off from there. Sums run in index order, so the same start
- * gives the same end, bit for bit.
+ * The energy may be infinite (a barrier); the line search backs off from there. Sums run in index order, so
+ * the same start gives the same end, bit for bit.
  */
 #ifndef BW_SOLVE_LBFGS_H
 #define BW_SOLVE_LBFGS_H

@@ -24,7 +24,8 @@ static double jacobian(const bw_untangle_tet *t, const double *x, double j[3][3]
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) e[k][i] = p[i + 1][k] - p[0][k];
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) j[a][b] = e[a][0] * t->rest[0][b] + e[a][1] * t->rest[1][b] + e[a][2] * t->rest[2][b];
+        for (int b = 0; b < 3; b++)
+            j[a][b] = e[a][0] * t->rest[0][b] + e[a][1] * t->rest[1][b] + e[a][2] * t->rest[2][b];
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) {
             int a1 = (a + 1) % 3, a2 = (a + 2) % 3, b1 = (b + 1) % 3, b2 = (b + 2) % 3;
@@ -82,7 +83,9 @@ static double harmonic(void *user, const double *x, double *gradient) {
         const double(*r)[3] = w->tet[t].rest;
         double j[3][3], c[3][3], norm = 0, volume = 0;
         jacobian(&w->tet[t], x, j, c);
-        for (int k = 0; k < 3; k++) volume += r[0][k] * (r[1][(k + 1) % 3] * r[2][(k + 2) % 3] - r[1][(k + 2) % 3] * r[2][(k + 1) % 3]);
+        for (int k = 0; k < 3; k++)
+            volume +=
+                r[0][k] * (r[1][(k + 1) % 3] * r[2][(k + 2) % 3] - r[1][(k + 2) % 3] * r[2][(k + 1) % 3]);
         for (int i = 0; i < 9; i++) norm += j[i / 3][i % 3] * j[i / 3][i % 3], j[i / 3][i % 3] *= 2 / volume;
         sum += norm / volume;
         scatter(&w->tet[t], j, gradient);
@@ -118,7 +121,8 @@ static bw_status descend(bw_context *ctx, tangle *w, double *x, bw_untangle_repo
     return ctx->error.status;
 }
 
-static bw_status minimize(bw_context *ctx, tangle *w, double *x, bw_lbfgs_energy *what, bw_untangle_report *report) {
+static bw_status minimize(bw_context *ctx, tangle *w, double *x, bw_lbfgs_energy *what,
+                          bw_untangle_report *report) {
     const bw_lbfgs_options options = {.iterations = POLISH, .step = 0.05, .settled = 1e-7};
     bw_lbfgs_report found;
     bw_status status = bw_lbfgs(ctx, w->variable_count, x, what, w, &options, &found);
@@ -126,11 +130,12 @@ static bw_status minimize(bw_context *ctx, tangle *w, double *x, bw_lbfgs_energy
     return status;
 }
 
-bw_status bw_untangle(bw_context *ctx, const bw_untangle_tet *tet, size_t tet_count, size_t variable_count, double *x,
-                      bw_untangle_report *report) {
+bw_status bw_untangle(bw_context *ctx, const bw_untangle_tet *tet, size_t tet_count, size_t variable_count,
+                      double *x, bw_untangle_report *report) {
     tangle w = {tet, tet_count, variable_count, 0};
     *report = (bw_untangle_report){.smallest = smallest(&w, x)};
-    if (report->smallest <= 0 && (minimize(ctx, &w, x, harmonic, report) || descend(ctx, &w, x, report))) return ctx->error.status;
+    if (report->smallest <= 0 && (minimize(ctx, &w, x, harmonic, report) || descend(ctx, &w, x, report)))
+        return ctx->error.status;
     w.epsilon = 0;
     if (report->smallest > 0 && !minimize(ctx, &w, x, energy, report)) report->smallest = smallest(&w, x);
     return ctx->error.status;

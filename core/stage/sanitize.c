@@ -189,6 +189,18 @@ static bw_repair_verdict spare_repaired(const bw_defects *defects, const bw_repa
     return first;
 }
 
+/* For an error other than the defects themselves, but for which they may be the reason: it names the regions too. */
+static bw_status blame_regions(job *j) {
+    bw_status status = j->ctx->error.status;
+    bool local = status == BW_E_INVERTED || status == BW_E_NOT_SEAMLESS || status == BW_E_NOT_ALIGNED || status == BW_E_SINGULAR;
+    for (size_t r = 0; local && r < j->defects.count; r++) {
+        bw_region place;
+        bw_defects_place(&j->defects, j->mesh, r, &place);
+        bw_fail_region(j->ctx, &place);
+    }
+    return status;
+}
+
 /* A vertex that is out of place spoils all tets around it, also those that happen to be positive: they may turn around their
  * edges once too often. */
 static bw_status mark_unsure(job *j) {
@@ -211,8 +223,11 @@ static bw_status repair(job *j) {
     uint8_t *spare = bw_alloc(ctx, j->defects.count, 1);
     if (ctx->error.status || mark_unsure(j)) goto out;
     in.unsure = j->unsure;
-    if (bw_hinges_init(ctx, &j->hinges, j->mesh) ||
-        bw_seams_init(ctx, &j->first_seams, j->mesh, &j->hinges, values(j), j->unsure, j->options->tolerance) ||
+    if (bw_hinges_init(ctx, &j->hinges, j->mesh)) {
+        blame_regions(j); /* tets are listed the other way round than their neighbours */
+        goto out;
+    }
+    if (bw_seams_init(ctx, &j->first_seams, j->mesh, &j->hinges, values(j), j->unsure, j->options->tolerance) ||
         bw_repair(ctx, &in, &j->defects, j->map->value, verdict, &done))
         goto out;
     first = spare_repaired(&j->defects, verdict, spare);
@@ -258,18 +273,6 @@ static bw_status check_turns(job *j) {
     bw_free(j->ctx, doubtful);
     bw_free(j->ctx, spare);
     return j->ctx->error.status;
-}
-
-/* What is not understood only now was passed over before, next to a defect: the error names the regions too. */
-static bw_status blame_repair(job *j) {
-    bw_status status = j->ctx->error.status;
-    if (status != BW_E_NOT_SEAMLESS && status != BW_E_NOT_ALIGNED && status != BW_E_SINGULAR) return status;
-    for (size_t r = 0; j->report->repaired && r < j->defects.count; r++) {
-        bw_region place;
-        bw_defects_place(&j->defects, j->mesh, r, &place);
-        bw_fail_region(j->ctx, &place);
-    }
-    return status;
 }
 
 /* The exact values are off the input's by its errors; thin tets may not survive that. Transitions are known by now. What
@@ -390,7 +393,7 @@ static bw_status run(job *j) {
     bw_progress(j->ctx, 0.1);
     if (mend(j)) return j->ctx->error.status;
     bw_progress(j->ctx, 0.2);
-    if (understand(j)) return blame_repair(j);
+    if (understand(j)) return j->report->repaired ? blame_regions(j) : j->ctx->error.status;
     if (check_turns(j) || bw_poll(j->ctx)) return j->ctx->error.status;
     j->report->already_exact = j->seams.exact && !j->report->repaired;
     if (!j->seams.exact && (make_exact(j) || mend_exact(j))) return j->ctx->error.status;

@@ -28,10 +28,10 @@ typedef struct {
     const bw_star_input *in;
     int64_t (*value)[4][3];
     bw_stars stars;
-    uint8_t *verdict; /* [tet] of tets that are to be repaired or made thicker */
-    uint8_t *ring;    /* [vertex] FIRST_RING + edges to the nearest such tet */
-    uint8_t *taken;   /* [vertex] in a cluster of this round */
-    int32_t *local;   /* [tet] its place in the running cluster, or BW_NONE */
+    uint8_t *verdict;    /* [tet] of tets that are to be repaired or made thicker */
+    uint8_t *ring;       /* [vertex] FIRST_RING + edges to the nearest such tet */
+    uint8_t *taken;      /* [vertex] in a cluster of this round */
+    int32_t *local;      /* [tet] its place in the running cluster, or BW_NONE */
     int64_t (*moved)[3]; /* [vertex] in the chart of its star's first tet */
     bw_vertex *near;
     size_t near_count, near_room;
@@ -85,7 +85,8 @@ static int compare_vertices(const void *a, const void *b) {
 
 static bw_status add_vertex(mender *m, bw_vertex v) {
     if (m->taken[v] || !m->ring[v]) return BW_OK;
-    if (bw_reserve(m->ctx, &m->c.vertex, &m->c.vertex_room, m->c.vertex_count + 1)) return m->ctx->error.status;
+    if (bw_reserve(m->ctx, &m->c.vertex, &m->c.vertex_room, m->c.vertex_count + 1))
+        return m->ctx->error.status;
     m->taken[v] = 1;
     m->c.vertex[m->c.vertex_count++] = v;
     return BW_OK;
@@ -142,7 +143,8 @@ static bw_status add_variables(mender *m, size_t at) {
     return BW_OK;
 }
 
-static void edges_of(const bw_tet_mesh *mesh, bw_tet t, double e[3][3]) { /* columns: edges from corner 0, in the model */
+static void edges_of(const bw_tet_mesh *mesh, bw_tet t,
+                     double e[3][3]) { /* columns: edges from corner 0, in the model */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             e[k][i] = mesh->position[mesh->tet[t][i + 1]][k] - mesh->position[mesh->tet[t][0]][k];
@@ -172,8 +174,8 @@ static double size_of(double e[3][3]) { /* cube of the mean length of the column
     return sum * sum * sum / 27;
 }
 
-/* What the sound tets around a cluster say of the map: the metric that it gives the model, summed with the tets' volumes as
- * weights, and which way round the model lies. */
+/* What the sound tets around a cluster say of the map: the metric that it gives the model, summed with the
+ * tets' volumes as weights, and which way round the model lies. */
 typedef struct {
     double metric[3][3], weight, orientation;
 } surroundings;
@@ -187,7 +189,8 @@ static void add_surrounding(const mender *m, bw_tet t, surroundings *s) {
         for (int k = 0; k < 3; k++) p[k][i] = (double)(m->value[t][i + 1][k] - m->value[t][0][k]);
     invert(e, inverse);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) j[a][b] = p[a][0] * inverse[0][b] + p[a][1] * inverse[1][b] + p[a][2] * inverse[2][b];
+        for (int b = 0; b < 3; b++)
+            j[a][b] = p[a][0] * inverse[0][b] + p[a][1] * inverse[1][b] + p[a][2] * inverse[2][b];
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
             s->metric[a][b] += fabs(volume) * (j[0][a] * j[0][b] + j[1][a] * j[1][b] + j[2][a] * j[2][b]);
@@ -195,7 +198,8 @@ static void add_surrounding(const mender *m, bw_tet t, surroundings *s) {
     s->orientation += volume;
 }
 
-/* Tets that share a vertex with the cluster's but are not among them; if there are none, the cluster's own sound tets. */
+/* Tets that share a vertex with the cluster's but are not among them; if there are none, the cluster's own
+ * sound tets. */
 static void survey(const mender *m, surroundings *s) {
     const cluster *c = &m->c;
     *s = (surroundings){0};
@@ -210,7 +214,8 @@ static void survey(const mender *m, surroundings *s) {
         if (!m->verdict[c->tet[i]]) add_surrounding(m, c->tet[i], s);
 }
 
-/* Upper triangle u with u^T u = metric, the first row mirrored if the model is; false if the metric is degenerate. */
+/* Upper triangle u with u^T u = metric, the first row mirrored if the model is; false if the metric is
+ * degenerate. */
 static bool root_of(const surroundings *s, double u[3][3]) {
     memset(u, 0, 9 * sizeof(double));
     for (int i = 0; i < 3; i++)
@@ -224,14 +229,16 @@ static bool root_of(const surroundings *s, double u[3][3]) {
     return true;
 }
 
-/* The edges that a tet should have: the model's under the metric; a regular tet's of that size if the model's tet is
- * degenerate or lies the other way round. */
+/* The edges that a tet should have: the model's under the metric; a regular tet's of that size if the model's
+ * tet is degenerate or lies the other way round. */
 static void wanted_edges(const mender *m, bw_tet t, double root[3][3], double out[3][3]) {
-    static const double regular[3][3] = {{1, 0.5, 0.5}, {0, 0.86602540378443865, 0.28867513459481288}, {0, 0, 0.81649658092772603}};
+    static const double regular[3][3] = {
+        {1, 0.5, 0.5}, {0, 0.86602540378443865, 0.28867513459481288}, {0, 0, 0.81649658092772603}};
     double e[3][3];
     edges_of(m->in->mesh, t, e);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) out[a][b] = root[a][0] * e[0][b] + root[a][1] * e[1][b] + root[a][2] * e[2][b];
+        for (int b = 0; b < 3; b++)
+            out[a][b] = root[a][0] * e[0][b] + root[a][1] * e[1][b] + root[a][2] * e[2][b];
     double size = size_of(out);
     if (det(out) > 1e-6 * size) return;
     for (int i = 0; i < 9; i++) out[i / 3][i % 3] = (size > 0 ? cbrt(size) : 1) * regular[i / 3][i % 3];
@@ -254,7 +261,8 @@ static bool make_shapes(mender *m) {
         wanted_edges(m, c->tet[i], root, wanted);
         for (int k = 0; k < 9; k++) wanted[k / 3][k % 3] /= c->unit;
         invert(wanted, c->shape[i].rest);
-        for (int k = 0; k < 12; k++) c->shape[i].at[k / 3][k % 3] = (double)(u[k / 3][k % 3] - u[0][k % 3]) / c->unit;
+        for (int k = 0; k < 12; k++)
+            c->shape[i].at[k / 3][k % 3] = (double)(u[k / 3][k % 3] - u[0][k % 3]) / c->unit;
     }
     return isfinite(c->unit) && c->unit > 0;
 }
@@ -267,7 +275,8 @@ static void move_values(mender *m, int sense) {
     for (size_t i = 0; i < 12 * c->tet_count; i++) {
         int32_t v = c->shape[i / 12].variable[i % 12 / 3][i % 3];
         if (v == BW_NONE) continue;
-        m->value[c->tet[i / 12]][i % 12 / 3][i % 3] += sense * c->shape[i / 12].sign[i % 12 / 3][i % 3] * llrint(c->x[v] * c->unit);
+        m->value[c->tet[i / 12]][i % 12 / 3][i % 3] +=
+            sense * c->shape[i / 12].sign[i % 12 / 3][i % 3] * llrint(c->x[v] * c->unit);
     }
 }
 
@@ -313,7 +322,8 @@ static bw_status solve(mender *m, bw_repair_verdict *verdict) {
     if (!make_shapes(m)) return BW_OK;
     bool was_good = all_good(m); /* and only thin */
     double before = thinnest(c, c->zero);
-    if (bw_untangle(m->ctx, c->shape, c->tet_count, c->variable_count, c->x, &found)) return m->ctx->error.status;
+    if (bw_untangle(m->ctx, c->shape, c->tet_count, c->variable_count, c->x, &found))
+        return m->ctx->error.status;
     if (!(found.smallest > 0) || !within_grid(c)) return BW_OK;
     move_values(m, 1);
     if (!all_good(m) || (was_good && found.smallest <= before)) {
@@ -394,8 +404,8 @@ static bw_status init(mender *m, const bw_defects *defects) {
 }
 
 static void clear(mender *m) {
-    void *blocks[] = {m->verdict,    m->ring,   m->taken, m->local,   m->moved, m->near, m->c.vertex,
-                      m->c.variable, m->c.free, m->c.tet, m->c.shape, m->c.x};
+    void *blocks[] = {m->verdict,  m->ring,       m->taken,  m->local, m->moved,   m->near,
+                      m->c.vertex, m->c.variable, m->c.free, m->c.tet, m->c.shape, m->c.x};
     bw_stars_clear(m->ctx, &m->stars);
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(m->ctx, blocks[i]);
 }
@@ -412,8 +422,8 @@ static void count_moves(const mender *m, bw_repair_report *report) {
     }
 }
 
-bw_status bw_repair(bw_context *ctx, const bw_star_input *input, const bw_defects *defects, int64_t (*value)[4][3],
-                    bw_repair_verdict *verdict, bw_repair_report *report) {
+bw_status bw_repair(bw_context *ctx, const bw_star_input *input, const bw_defects *defects,
+                    int64_t (*value)[4][3], bw_repair_verdict *verdict, bw_repair_report *report) {
     mender m = {.ctx = ctx, .in = input, .value = value};
     bool left = true;
     *report = (bw_repair_report){0};

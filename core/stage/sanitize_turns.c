@@ -7,7 +7,8 @@ typedef struct {
     const bw_star_input *before;
     const bw_seams *after;
     uint8_t *doubtful;
-    uint32_t *degree, *sum; /* [vertex] number of singular hinges at it, and the sum of their numbers, meant where it is 2 */
+    uint32_t *degree, *sum; /* [vertex] number of singular hinges at it, and the sum of their numbers, meant
+                               where it is 2 */
 } turns;
 
 static bool has_unsure(const turns *w, bw_hinge h) {
@@ -46,8 +47,8 @@ static void count_singular(turns *w) {
         }
 }
 
-bw_status bw_repair_check_turns(bw_context *ctx, const bw_star_input *before, const bw_seams *after, uint8_t *doubtful,
-                                size_t *count) {
+bw_status bw_repair_check_turns(bw_context *ctx, const bw_star_input *before, const bw_seams *after,
+                                uint8_t *doubtful, size_t *count) {
     turns w = {before, after, doubtful, NULL, NULL};
     size_t hinges = before->hinges->count;
     *count = 0;

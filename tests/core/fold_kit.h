@@ -22,7 +22,9 @@ typedef struct {
     int32_t *corner; /* 4 * tet + corner, of every vertex */
 } folder;
 
-static inline const bw_tet_mesh *fold_mesh(const folder *f) { return &f->clean.mesh; }
+static inline const bw_tet_mesh *fold_mesh(const folder *f) {
+    return &f->clean.mesh;
+}
 
 static inline void fold_mark(folder *f) {
     const bw_tet_mesh *m = fold_mesh(f);
@@ -54,7 +56,8 @@ static inline void fold_start(folder *f, bw_model model, double tolerance) {
     f->corner = bw_alloc(&f->ctx, 4 * m->tet_count, sizeof *f->corner);
     for (size_t i = 0; i < 4 * m->tet_count; i++) f->first[m->tet[i / 4][i % 4] + 2]++;
     for (size_t v = 0; v < m->vertex_count; v++) f->first[v + 2] += f->first[v + 1];
-    for (size_t i = 0; i < 4 * m->tet_count; i++) f->corner[f->first[m->tet[i / 4][i % 4] + 1]++] = (int32_t)i;
+    for (size_t i = 0; i < 4 * m->tet_count; i++)
+        f->corner[f->first[m->tet[i / 4][i % 4] + 1]++] = (int32_t)i;
     fold_mark(f);
 }
 
@@ -67,8 +70,9 @@ static inline void fold_end(folder *f) {
     assert_int_equal(f->ctx.memory.used, 0);
 }
 
-/* The turn from the chart of the vertex's first tet to that of each of its tets, by walking across facets; and the axes of that
- * chart along which it can move without changing a transition, an alignment or a feature. */
+/* The turn from the chart of the vertex's first tet to that of each of its tets, by walking across facets;
+ * and the axes of that chart along which it can move without changing a transition, an alignment or a
+ * feature. */
 enum { FOLD_STAR = 512 };
 typedef struct {
     size_t count;
@@ -167,7 +171,8 @@ static inline void fold_extent(const folder *f, const fold_star *s, int64_t out[
     }
 }
 
-/* Everything that a map means is what it was: transitions, constant axes and their values, turns, singular edges. */
+/* Everything that a map means is what it was: transitions, constant axes and their values, turns, singular
+ * edges. */
 static inline void fold_expect_same_meaning(const folder *f, const sanitized *s) {
     const bw_tet_mesh *m = fold_mesh(f);
     int shift = f->clean.map.exponent - s->map.exponent;
@@ -176,21 +181,29 @@ static inline void fold_expect_same_meaning(const folder *f, const sanitized *s)
     assert_memory_equal(s->map.quarters, f->clean.map.quarters, m->edge_count * sizeof *s->map.quarters);
     assert_memory_equal(s->map.edge_flags, f->clean.map.edge_flags, m->edge_count);
     assert_memory_equal(s->map.align, f->clean.map.align, m->facet_count);
+    for (size_t i = 0; i < m->feature_vertex_count; i++)
+        for (size_t c = f->first[m->feature_vertex[i]]; c < f->first[m->feature_vertex[i] + 1]; c++)
+            for (int k = 0; k < 3; k++)
+                assert_true(ldexp((double)s->map.value[f->corner[c] / 4][f->corner[c] % 4][k], shift) ==
+                            (double)f->clean.map.value[f->corner[c] / 4][f->corner[c] % 4][k]);
     for (size_t t = 0; t < m->facet_count; t++) {
         bw_tet tet = m->facet_tet[t][0];
         int on = bw_tet_corner(m, tet, m->facet[t][0]), axis = s->map.align[t];
         if (m->facet_tet[t][1] == BW_NONE) {
-            assert_true(ldexp((double)s->map.value[tet][on][axis], shift) == (double)f->clean.map.value[tet][on][axis]);
+            assert_true(ldexp((double)s->map.value[tet][on][axis], shift) ==
+                        (double)f->clean.map.value[tet][on][axis]);
             continue;
         }
-        bw_transition a = bw_grid_map_across(m, &s->map, (bw_facet)t, tet), b = bw_grid_map_across(m, &f->clean.map, (bw_facet)t, tet);
+        bw_transition a = bw_grid_map_across(m, &s->map, (bw_facet)t, tet),
+                      b = bw_grid_map_across(m, &f->clean.map, (bw_facet)t, tet);
         assert_int_equal(a.rotation, b.rotation);
         for (int k = 0; k < 3; k++) assert_true(ldexp((double)a.shift[k], shift) == (double)b.shift[k]);
     }
 }
 
 /* A random vertex that is all of `is` and none of `not` and can move; false if there is none. */
-static inline bool fold_pick(const folder *f, kit_random *random, int is, int not, bw_vertex *v, fold_star *star) {
+static inline bool fold_pick(const folder *f, kit_random *random, int is, int not, bw_vertex *v,
+                             fold_star *star) {
     for (int i = 0; i < 2000; i++) {
         *v = (bw_vertex)kit_random_below(random, fold_mesh(f)->vertex_count);
         if ((f->kind[*v] & is) != is || f->kind[*v] & not || f->first[*v] == f->first[*v + 1]) continue;
@@ -201,7 +214,8 @@ static inline bool fold_pick(const folder *f, kit_random *random, int is, int no
 }
 
 /* Moves the vertex past its neighbours, by `reach` times the extent of a tet. */
-static inline void fold_past(const folder *f, kit_random *random, const fold_star *star, double reach, sanitized *s) {
+static inline void fold_past(const folder *f, kit_random *random, const fold_star *star, double reach,
+                             sanitized *s) {
     int64_t extent[3], delta[3];
     fold_extent(f, star, extent);
     for (int k = 0; k < 3; k++) {
@@ -238,13 +252,16 @@ static inline void expect_refused(const sanitized *s) {
 
 /* ---- collapsed regions ---- */
 
-/* Puts all vertices of a cuboid that lie within `radius` of a point, and are `kinds` of them, onto that point. The charts are one. */
+/* Puts all vertices of a cuboid that lie within `radius` of a point, and are `kinds` of them, onto that
+ * point. The charts are one. */
 static inline void collapse(sanitized *s, const double at[3], double radius, bool boundary) {
     const double(*position)[3] = (const double(*)[3])s->mesh.position;
-    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, sum[3] = {0, 0, 0};
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY},
+           sum[3] = {0, 0, 0};
     size_t count = 0;
     for (size_t v = 0; v < s->mesh.vertex_count; v++)
-        for (int k = 0; k < 3; k++) low[k] = fmin(low[k], position[v][k]), high[k] = fmax(high[k], position[v][k]);
+        for (int k = 0; k < 3; k++)
+            low[k] = fmin(low[k], position[v][k]), high[k] = fmax(high[k], position[v][k]);
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < 4 * s->mesh.tet_count; i++) {
             const double *p = position[s->mesh.tet[i / 4][i % 4]];
@@ -257,8 +274,10 @@ static inline void collapse(sanitized *s, const double at[3], double radius, boo
             if (far > radius * radius || !(inside || boundary)) continue;
             count += !pass;
             for (int k = 0; k < 3; k++) {
-                if (pass) u[k] = sum[k] / (double)count;
-                else sum[k] += u[k];
+                if (pass)
+                    u[k] = sum[k] / (double)count;
+                else
+                    sum[k] += u[k];
             }
         }
     assert_true(count > 0);
@@ -275,7 +294,8 @@ static inline void start_cuboid(sanitized *s, int size, double noise, double mid
         for (int k = 0; k < 3; k++)
             high[k] = fmax(high[k], model.position[v][k]), low[k] = fmin(low[k], model.position[v][k]);
     *extent = 0;
-    for (int k = 0; k < 3; k++) middle[k] = 0.5 * (low[k] + high[k]), *extent = fmax(*extent, high[k] - low[k]);
+    for (int k = 0; k < 3; k++)
+        middle[k] = 0.5 * (low[k] + high[k]), *extent = fmax(*extent, high[k] - low[k]);
     drop_model(&model);
 }
 

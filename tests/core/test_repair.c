@@ -1,4 +1,5 @@
-/* Local defects are repaired where the fix is certain, wherever they are, and nothing that the map means changes. */
+/* Local defects are repaired where the fix is certain, wherever they are, and nothing that the map means
+ * changes. */
 #include "core/fold_kit.h"
 
 /* Least ratio of a tet's volume in the map after to before. */
@@ -10,7 +11,8 @@ static double thinnest(const folder *f, const sanitized *s) {
             int64_t(*u)[3] = i ? s->map.value[t] : f->clean.map.value[t];
             double d[3][3];
             for (int c = 0; c < 9; c++) d[c / 3][c % 3] = (double)(u[c / 3 + 1][c % 3] - u[0][c % 3]);
-            volume[i] = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) - d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
+            volume[i] = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) -
+                        d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                         d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
         }
         least = fmin(least, volume[1] / (scale * volume[0]));
@@ -41,15 +43,17 @@ static double reach_of_flat(const folder *f, const fold_star *star) {
             for (int k = 0; k < 3; k++) u[star->corner[i] % 4][k] += d[k];
             flat = flat || bw_grid_tet_sign((const int64_t(*)[3])u) <= 0;
         }
-        if (flat) high = middle;
-        else low = middle;
+        if (flat)
+            high = middle;
+        else
+            low = middle;
     }
     return low;
 }
 
 typedef struct {
     const char *place;
-    int is, not;
+    int is, not ;
 } place;
 
 static const place places[] = {
@@ -77,7 +81,8 @@ static bool fold_and_repair(const folder *f, const place *where, kit_random *ran
     kit_expect_ok(&s.ctx, s.status);
     bool folded = s.report.repaired;
     if (folded) {
-        assert_true(s.report.defective_tets >= 1 && s.report.region_count == 1 && s.report.vertices_moved >= 1);
+        assert_true(s.report.defective_tets >= 1 && s.report.region_count == 1 &&
+                    s.report.vertices_moved >= 1);
         assert_true(s.report.repair_displacement_max > 0 && !s.report.already_exact);
         fold_expect_same_meaning(f, &s);
         check_exact(&s);
@@ -112,16 +117,17 @@ static void a_fold_is_repaired_wherever_it_is(void **state) {
     }
 }
 
-/* Random models of every family, some with errors, with several folds of random reach. What comes out is either a map that
- * turns around every edge as the clean one, or refused by place. */
+/* Random models of every family, some with errors, with several folds of random reach. What comes out is
+ * either a map that turns around every edge as the clean one, or refused by place. */
 static void random_folds_are_repaired_or_refused_by_place(void **state) {
     size_t count, repaired = 0, refused = 0;
     const bw_model_info *list = bw_model_list(&count);
     kit_random random = kit_random_start(2);
     (void)state;
     for (size_t i = 0; i < 3 * count; i++) {
-        bw_model_options o = model_options(1 + (int)kit_random_below(&random, 2), kit_random_unit(&random), 0,
-                                           (int)kit_random_below(&random, 4), kit_random_next(&random) % 1000000);
+        bw_model_options o =
+            model_options(1 + (int)kit_random_below(&random, 2), kit_random_unit(&random), 0,
+                          (int)kit_random_below(&random, 4), kit_random_next(&random) % 1000000);
         o.features = (int)kit_random_below(&random, 2);
         o.stretch = exp2(kit_random_range(&random, -1, 1));
         bw_model model = make_model(list[i % count].name, &o);
@@ -136,15 +142,17 @@ static void random_folds_are_repaired_or_refused_by_place(void **state) {
         bw_context_init(&s.ctx);
         kit_expect_ok(&s.ctx, mesh_from_model(&s.ctx, &model, &s.mesh));
         repair_mesh(&s, 0.02);
-        print_message("%s size %d noise %.2f perturb %.1g scramble %d features %d stretch %.2f folds %d seed %llu: %s\n",
-                      list[i % count].name, o.size, o.noise, o.perturb, o.scramble, o.features, o.stretch, o.folds,
-                      (unsigned long long)o.seed, s.status ? s.ctx.error.message : "repaired");
+        print_message("%s size %d noise %.2f perturb %.1g scramble %d features %d stretch %.2f folds %d seed "
+                      "%llu: %s\n",
+                      list[i % count].name, o.size, o.noise, o.perturb, o.scramble, o.features, o.stretch,
+                      o.folds, (unsigned long long)o.seed, s.status ? s.ctx.error.message : "repaired");
         if (s.status) {
             expect_refused(&s);
             refused++;
         } else {
             check_exact(&s);
-            assert_memory_equal(clean.map.quarters, s.map.quarters, s.mesh.edge_count * sizeof *s.map.quarters);
+            assert_memory_equal(clean.map.quarters, s.map.quarters,
+                                s.mesh.edge_count * sizeof *s.map.quarters);
             repaired += s.report.repaired;
         }
         drop_sanitized(&clean);
@@ -157,7 +165,8 @@ static void random_folds_are_repaired_or_refused_by_place(void **state) {
 
 enum { TRIES = 25 };
 
-/* The noisy map's tets are positive, but not those of the exact one next to it: found only after the system is solved. */
+/* The noisy map's tets are positive, but not those of the exact one next to it: found only after the system
+ * is solved. */
 static void tets_that_only_the_exact_map_inverts_are_repaired(void **state) {
     bw_model_options o = model_options(2, 0.5, 0, BW_SCRAMBLE_BLOCKS, kit_seed());
     kit_random random = kit_random_start(3);
@@ -178,8 +187,10 @@ static void tets_that_only_the_exact_map_inverts_are_repaired(void **state) {
             move_by(&f, &star, flat, to);
             for (size_t k = 0; k < 12 * to->mesh.tet_count; k++)
                 to->mesh.parameter[k / 12][k % 12 / 3][k % 3] += kit_random_range(&noise, -1e-6, 1e-6);
-            if (repair) repair_mesh(to, 1e-2);
-            else sanitize_mesh(to, 1e-2);
+            if (repair)
+                repair_mesh(to, 1e-2);
+            else
+                sanitize_mesh(to, 1e-2);
         }
         kit_expect_ok(&s.ctx, s.status);
         check_exact(&s);
@@ -203,8 +214,8 @@ static void a_collapsed_region_inside_one_chart_is_spread_out_again(void **state
         collapse(&s, middle, 0.3 * extent, false);
         repair_mesh(&s, 1e-6);
         kit_expect_ok(&s.ctx, s.status);
-        print_message("%zu tets in %zu regions, %zu vertices, %d rings\n", s.report.defective_tets, s.report.region_count,
-                      s.report.vertices_moved, s.report.rings);
+        print_message("%zu tets in %zu regions, %zu vertices, %d rings\n", s.report.defective_tets,
+                      s.report.region_count, s.report.vertices_moved, s.report.rings);
         assert_true(s.report.defective_tets > 100);
         check_exact(&s);
         drop_sanitized(&s);

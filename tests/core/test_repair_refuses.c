@@ -56,7 +56,8 @@ static void a_singular_edge_folded_between_held_vertices_is_refused(void **state
         s.mesh.feature_vertex = bw_alloc(&s.ctx, s.mesh.vertex_count, sizeof *s.mesh.feature_vertex);
         s.mesh.feature_vertex_count = 0;
         for (size_t k = 0; k < s.mesh.vertex_count; k++)
-            if (f.kind[k] & FOLD_SINGULAR) s.mesh.feature_vertex[s.mesh.feature_vertex_count++] = (bw_vertex)k;
+            if (f.kind[k] & FOLD_SINGULAR)
+                s.mesh.feature_vertex[s.mesh.feature_vertex_count++] = (bw_vertex)k;
         repair_mesh(&s, 1e-6);
         print_message("%s\n", s.ctx.error.message);
         expect_refused(&s);
@@ -82,6 +83,24 @@ static void a_tet_whose_chart_fits_no_neighbour_is_refused_by_place(void **state
     assert_int_equal(s.ctx.error.region_count, 1);
     assert_int_equal(s.ctx.error.regions[0].tets[0], 137);
     assert_non_null(strstr(s.ctx.error.message, "which transitions"));
+    drop_sanitized(&s);
+    drop_model(&model);
+}
+
+static void a_tet_listed_the_other_way_round_is_refused_by_place(void **state) {
+    bw_model_options o = model_options(2, 0.6, 0, BW_SCRAMBLE_NONE, kit_seed());
+    bw_model model = make_model("ball", &o);
+    bw_context ctx;
+    sanitized s = {0};
+    (void)state;
+    bw_context_init(&ctx);
+    bw_context_init(&s.ctx);
+    kit_expect_ok(&ctx, bw_model_damage(&ctx, &model, BW_DAMAGE_INVERT, 7));
+    kit_expect_ok(&s.ctx, mesh_from_model(&s.ctx, &model, &s.mesh));
+    repair_mesh(&s, 1e-4);
+    kit_expect_status(&s.ctx, s.status, BW_E_INVERTED);
+    assert_int_equal(s.ctx.error.region_count, 1);
+    assert_int_equal(s.ctx.error.regions[0].tet_count, 1);
     drop_sanitized(&s);
     drop_model(&model);
 }
@@ -119,6 +138,7 @@ int main(void) {
         cmocka_unit_test(a_collapsed_region_that_is_too_large_is_refused),
         cmocka_unit_test(a_singular_edge_folded_between_held_vertices_is_refused),
         cmocka_unit_test(a_tet_whose_chart_fits_no_neighbour_is_refused_by_place),
+        cmocka_unit_test(a_tet_listed_the_other_way_round_is_refused_by_place),
         cmocka_unit_test(repair_is_for_volumes_only),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);

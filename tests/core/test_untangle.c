@@ -1,4 +1,5 @@
-/* Minimization finds minima, and untangling makes tets positive, from any start and always in the same way. */
+/* Minimization finds minima, and untangling makes tets positive, from any start and always in the same way.
+ */
 #include "kit/kit.h"
 
 #include <math.h>
@@ -30,7 +31,8 @@ static void a_quadratic_bowl_is_minimized(void **state) {
     bw_lbfgs_report report;
     (void)state;
     bw_context_init(&ctx);
-    for (int i = 0; i < N; i++) at[i] = kit_random_range(&random, -3, 3), x[i] = kit_random_range(&random, -30, 30);
+    for (int i = 0; i < N; i++)
+        at[i] = kit_random_range(&random, -3, 3), x[i] = kit_random_range(&random, -30, 30);
     kit_expect_ok(&ctx, bw_lbfgs(&ctx, N, x, bowl, at, &(bw_lbfgs_options){500, 0.1, 0}, &report));
     for (int i = 0; i < N; i++) assert_true(fabs(x[i] - at[i]) < 1e-5);
     assert_true(report.after < 1 + 1e-9 && report.before > report.after && report.iterations < 500);
@@ -72,9 +74,11 @@ static bool inner(const int at[3]) {
     return true;
 }
 
-/* A block of unit cubes, six tets each. Vertices inside are free; every variable is an offset, some with a negative sign. */
+/* A block of unit cubes, six tets each. Vertices inside are free; every variable is an offset, some with a
+ * negative sign. */
 static void make_block(block *b) {
-    static const int path[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+    static const int path[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7},
+                                   {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
     int32_t variable[POINTS];
     size_t n = 0;
     memset(b, 0, sizeof *b);
@@ -90,7 +94,8 @@ static void make_block(block *b) {
             bw_untangle_tet *tet = &b->tet[n++];
             double e[3][3];
             for (int i = 0; i < 4; i++) {
-                int corner = path[t][i], at[3] = {low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)};
+                int corner = path[t][i],
+                    at[3] = {low[0] + (corner & 1), low[1] + (corner >> 1 & 1), low[2] + (corner >> 2)};
                 int p = at[0] + SIDE * at[1] + SIDE * SIDE * at[2];
                 for (int k = 0; k < 3; k++) {
                     tet->at[i][k] = at[k];
@@ -100,7 +105,8 @@ static void make_block(block *b) {
             }
             for (int i = 0; i < 3; i++)
                 for (int k = 0; k < 3; k++) e[k][i] = tet->at[i + 1][k] - tet->at[0][k];
-            for (int i = 0; i < 3; i++) /* the edges are a triangular matrix of ones up to order: its inverse by cofactors */
+            for (int i = 0; i < 3;
+                 i++) /* the edges are a triangular matrix of ones up to order: its inverse by cofactors */
                 for (int k = 0; k < 3; k++) {
                     int i1 = (i + 1) % 3, i2 = (i + 2) % 3, k1 = (k + 1) % 3, k2 = (k + 2) % 3;
                     tet->rest[k][i] = e[i1][k1] * e[i2][k2] - e[i1][k2] * e[i2][k1];
@@ -141,7 +147,8 @@ static void a_tangled_block_is_untangled_from_any_start(void **state) {
         memcpy(again, b, sizeof *b);
         kit_expect_ok(&ctx, bw_untangle(&ctx, b->tet, TETS, b->variables, b->x, &report));
         assert_true(report.smallest > 0.5);
-        for (size_t t = 0; t < TETS; t++) assert_true(bw_untangle_volume(&b->tet[t], b->x) >= report.smallest);
+        for (size_t t = 0; t < TETS; t++)
+            assert_true(bw_untangle_volume(&b->tet[t], b->x) >= report.smallest);
         kit_expect_ok(&ctx, bw_untangle(&ctx, again->tet, TETS, again->variables, again->x, &other));
         assert_memory_equal(again->x, b->x, sizeof b->x);
         assert_int_equal(ctx.memory.used, 0);
@@ -159,7 +166,8 @@ static void what_has_no_solution_is_not_called_solved(void **state) {
     make_block(b);
     for (size_t t = 0; t < TETS; t++)
         for (int i = 0; i < 4; i++)
-            if (b->tet[t].variable[i][0] < 0 && b->tet[t].at[i][0] == 0 && b->tet[t].at[i][1] == 1 && b->tet[t].at[i][2] == 1)
+            if (b->tet[t].variable[i][0] < 0 && b->tet[t].at[i][0] == 0 && b->tet[t].at[i][1] == 1 &&
+                b->tet[t].at[i][2] == 1)
                 b->tet[t].at[i][1] = 2.5;
     kit_expect_ok(&ctx, bw_untangle(&ctx, b->tet, TETS, b->variables, b->x, &report));
     assert_true(report.smallest <= 0);

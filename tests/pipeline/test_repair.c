@@ -1,6 +1,6 @@
-/* Damaged maps through all stages: sample models and the files of the shared data, some of whose vertices are moved so that
- * tets around them are inverted. What comes out passes the check of traced meshes, and a checker of somebody else's where
- * there is one.
+/* Damaged maps through all stages: sample models and the files of the shared data, some of whose vertices are
+ * moved so that tets around them are inverted. What comes out passes the check of traced meshes, and a
+ * checker of somebody else's where there is one.
  */
 #include "core/fold_kit.h"
 
@@ -75,7 +75,8 @@ static void folded_samples_pass_all_stages(void **state) {
     kit_random random = kit_random_start(1);
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        bw_model_options o = model_options(2, 0.5, i % 2 ? 1e-6 : 0, (int)(i % 4), kit_random_next(&random) % 100000);
+        bw_model_options o =
+            model_options(2, 0.5, i % 2 ? 1e-6 : 0, (int)(i % 4), kit_random_next(&random) % 100000);
         const char *path = kit_temp_path("in.hexex");
         bw_context ctx;
         o.folds = FOLDS;
@@ -96,10 +97,12 @@ static bw_model read_model(const char *path) {
     bw_context_init(&ctx);
     kit_expect_ok(&ctx, bw_hexex_read(&ctx, path, &mesh));
     model.vertex_count = mesh.vertex_count, model.tet_count = mesh.tet_count;
-    model.feature_vertex_count = mesh.feature_vertex_count, model.feature_edge_count = mesh.feature_edge_count;
+    model.feature_vertex_count = mesh.feature_vertex_count,
+    model.feature_edge_count = mesh.feature_edge_count;
     model.position = mesh.position, model.tet = mesh.tet, model.parameter = mesh.parameter;
     model.feature_vertex = mesh.feature_vertex, model.feature_edge = mesh.feature_edge;
-    mesh.position = NULL, mesh.tet = NULL, mesh.parameter = NULL, mesh.feature_vertex = NULL, mesh.feature_edge = NULL;
+    mesh.position = NULL, mesh.tet = NULL, mesh.parameter = NULL, mesh.feature_vertex = NULL,
+    mesh.feature_edge = NULL;
     bw_tet_mesh_clear(&ctx, &mesh);
     return model;
 }
