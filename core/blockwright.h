@@ -34,6 +34,7 @@ typedef struct {
     bw_quantize_range quantize;
     double scale;          /* size of the quantization: arcs as long as scale times their length in the map; 0: the coarsest */
     bool fewest_hexes;     /* instead of scale: as few hexes as there can be */
+    bool rounding;         /* also try the classical rounding at that size, and report its conflicts (Q 7); a part of quantize */
     uint64_t target_hexes; /* not 0: instead of scale, the one that comes nearest to this number of hexes */
     double time_limit;     /* seconds for the search of one quantization */
     size_t scale_count;    /* more sizes, for a table in the report */

@@ -148,7 +148,7 @@ _Static_assert((int)BW_OPTION_SCALES == (int)BW_SCALES_MAX, "the report has a ro
 static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     if (options->quantize == BW_QUANTIZE_NONE) return BW_OK;
-    bw_quantize_options how = {.range = options->quantize, .scale = options->scale, .fewest_hexes = options->fewest_hexes,
+    bw_quantize_options how = {.range = options->quantize, .scale = options->scale, .fewest_hexes = options->fewest_hexes, .rounding = options->rounding,
                                .target_hexes = options->target_hexes,
                                .seconds = options->time_limit, .scale_count = options->scale_count};
     memcpy(how.scales, options->scales, sizeof how.scales);
@@ -232,6 +232,9 @@ static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, 
     } else if (!strcmp(name, "fewest_hexes")) {
         if (!json_is_boolean(value)) return bw_fail(ctx, BW_E_USAGE, "option fewest_hexes is true or false");
         o->fewest_hexes = json_is_true(value);
+    } else if (!strcmp(name, "rounding")) {
+        if (!json_is_boolean(value)) return bw_fail(ctx, BW_E_USAGE, "option rounding is true or false");
+        o->rounding = json_is_true(value);
     } else if (!strcmp(name, "time_limit")) {
         o->time_limit = json_number_value(value);
         if (!json_is_number(value) || !(o->time_limit >= 0 && o->time_limit <= 3600))

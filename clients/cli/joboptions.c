@@ -17,8 +17,8 @@ static json_t *numbers(const char *text) {
 static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
-    if (!o->quantize && (sizes || o->scales || o->time_limit > 0))
-        return "a size or time limit of the quantization wants --quantize positive, nonnegative or any";
+    if (!o->quantize && (sizes || o->scales || o->rounding || o->time_limit > 0))
+        return "a size, time limit or rounding beside a quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }
 
@@ -40,6 +40,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->fewest_hexes) json_object_set_new(json, "fewest_hexes", json_true());
     if (o->target_hexes > 0) json_object_set_new(json, "target_hexes", json_integer(o->target_hexes));
     if (scales) json_object_set_new(json, "scales", scales);
+    if (o->rounding) json_object_set_new(json, "rounding", json_true());
     if (o->time_limit > 0) json_object_set_new(json, "time_limit", json_real(o->time_limit));
     if (o->vtk) json_object_set_new(json, "vtk", json_string("yes"));
     if (o->repair) json_object_set_new(json, "repair", json_true());

@@ -15,7 +15,7 @@ typedef struct {
     int64_t max_cells;           /* 0: not given */
     const char *quantize;        /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
-    bool coarsest, fewest_hexes;
+    bool coarsest, fewest_hexes, rounding;
     int64_t target_hexes;        /* 0: not given */
     const char *scales;          /* numbers between commas; NULL: not given */
     bool vtk, repair;
@@ -47,6 +47,8 @@ typedef struct {
      "their size: as near to N hexes as can be", 1, 1e9},                                                    \
     {"scales", 0, CLI_TEXT, offsetof(settings, job.scales), "S,S,...",                                       \
      "more sizes, for the table of the report (0: the coarsest)", 0, 0},                                     \
+    {"rounding", 0, CLI_FLAG, offsetof(settings, job.rounding), NULL,                                        \
+     "also try the classical rounding, and report its conflicts", 0, 0},                                     \
     {"time-limit", 0, CLI_NUMBER, offsetof(settings, job.time_limit), "SECONDS",                             \
      "for the search of one quantization (default 10)", 1e-9, 3600},                                         \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \

@@ -95,6 +95,15 @@ static void quantization(const json_t *q) {
     json_t *row;
     json_array_foreach(json_object_get(q, "sweep"), index, row) size_line("sweep", row);
     size_line("lengths", q);
+    const json_t *r = json_object_get(q, "rounding");
+    if (!json_is_object(r)) return;
+    printf("%-15s ", "rounding");
+    if (json_is_true(json_object_get(r, "valid"))) printf("%.0f hexes", number(r, "hexes"));
+    else printf("%.0f conflicts", number(r, "conflicts"));
+    printf(" at scale %.4g", number(r, "scale"));
+    if (json_is_true(json_object_get(r, "coarsest_valid")))
+        printf("; its coarsest: scale %.4g, %.0f hexes", number(r, "coarsest_scale"), number(r, "coarsest_hexes"));
+    printf("\n");
 }
 
 static void stages(const json_t *list) {

@@ -11,7 +11,7 @@ usage() {
 Usage: blockwright.sh COMMAND ...
 
   submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
-         [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--repair]
+         [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
          [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
@@ -227,6 +227,7 @@ submit() {
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
     [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
     [ -z "$size" ] || options="${options:+$options, }$size"
+    [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
     printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
         "$options" >"$work/request"
@@ -374,6 +375,7 @@ server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
 quiet=no
 wait=no
 repair=no
+rounding=no
 out=
 complex=
 reduce=
@@ -393,6 +395,7 @@ while [ $# -gt 0 ]; do
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
     --repair) repair=yes ;;
+    --rounding) rounding=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
     --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --until | --name | --parameters)

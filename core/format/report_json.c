@@ -27,6 +27,7 @@ typedef struct {
 #define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
 #define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
 #define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
+#define ROUNDING(type, name) MEMBER("quantization", "rounding", type, quantization.rounding., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -124,6 +125,20 @@ static const field fields[] = {
     QUANT(NUMBER, seconds_solver),
     QUANT(NUMBER, seconds_check),
     QUANT(FLAG, verified),
+    ROUNDING(NUMBER, scale),
+    ROUNDING(NUMBER, objective),
+    ROUNDING(COUNT, integers),
+    ROUNDING(COUNT, hexes),
+    ROUNDING(FLAG, valid),
+    ROUNDING(COUNT, conflicts),
+    ROUNDING(COUNT, negative_blocks),
+    ROUNDING(COUNT, links),
+    ROUNDING(COUNT, separations),
+    ROUNDING(COUNT, loops),
+    ROUNDING(FLAG, coarsest_valid),
+    ROUNDING(NUMBER, coarsest_scale),
+    ROUNDING(COUNT, coarsest_hexes),
+    ROUNDING(NUMBER, seconds),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -150,6 +165,7 @@ static const struct {
 } optional_groups[] = {
     {"reduced", offsetof(bw_report, has_reduced)},
     {"repaired", offsetof(bw_report, has_repaired)},
+    {"rounding", offsetof(bw_report, has_rounding)},
 };
 
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };

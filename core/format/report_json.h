@@ -29,6 +29,18 @@ typedef struct {
     uint64_t bytes;
 } bw_report_result;
 
+/* What classical rounding makes of the same map (quantize/rounding.h). */
+typedef struct {
+    double scale, objective;
+    uint64_t integers, hexes; /* rounded one after another; 0 if it is not valid */
+    bool valid;
+    uint64_t conflicts, negative_blocks, links, separations, loops; /* validity constraints that it breaks, of each kind */
+    bool coarsest_valid;      /* there is a scale at which it is valid, and the coarsest found by bisection is: */
+    double coarsest_scale;
+    uint64_t coarsest_hexes;
+    double seconds;
+} bw_report_rounding;
+
 /* The integer lengths that were found. Objective: sum over arcs of (length - scale * input length)^2. */
 typedef struct {
     char range[16];  /* "positive", "nonnegative", "any" */
@@ -45,6 +57,7 @@ typedef struct {
     uint64_t rounds, constraints, nodes;   /* rounds: times that validity was found broken; constraints: learnt from that; nodes: of the search */
     double seconds, seconds_setup, seconds_separation, seconds_solver, seconds_check;
     bool verified; /* this result and those of the sweep are valid by contraction too (quantize/verify.h); false only where that was too large to do */
+    bw_report_rounding rounding;
 } bw_report_quantization;
 
 /* One row of the table over sizes. */
@@ -59,6 +72,7 @@ typedef struct {
     bool has_input, has_sanitize, has_trace, has_complex, has_quantization, has_quality;
     bool has_reduced; /* complex.reduced */
     bool has_repaired; /* sanitize.repaired */
+    bool has_rounding; /* quantization.rounding */
 
     struct {
         char file[256]; /* name without its folder; may be empty */

@@ -5,6 +5,7 @@
 #include <time.h>
 
 #include "quantize/quantizer.h"
+#include "quantize/rounding.h"
 #include "quantize/validity.h"
 #include "quantize/verify.h"
 
@@ -93,14 +94,41 @@ static bw_status find_lengths(bw_context *ctx, bw_quantizer *q, const bw_quantiz
     return BW_OK;
 }
 
+/* The comparison of Q 7.2: rounding at the scale of the answer, and the coarsest at which it succeeds. */
+static bw_status compare_rounding(bw_context *ctx, const bw_quantizer *q, bw_validity *validity, double scale, bw_report *report) {
+    enum { HALVINGS = 20 };
+    bw_report_rounding *out = &report->quantization.rounding;
+    double since = seconds_now();
+    bw_rounding *r = NULL;
+    bw_rounding_result here, coarsest;
+    int64_t *length = bw_alloc(ctx, q->model.arc_count, sizeof *length);
+    bw_status status = length ? bw_rounding_new(ctx, validity, &q->model, &r) : ctx->error.status;
+    if (status == BW_OK) status = bw_rounding_run(r, scale, length, &here);
+    if (status == BW_OK) status = bw_rounding_coarsest(r, HALVINGS, length, &coarsest);
+    if (status == BW_OK) {
+        *out = (bw_report_rounding){.scale = scale, .integers = here.integers, .valid = here.valid, .conflicts = here.conflicts,
+                                    .negative_blocks = here.broken[BW_RULE_EXTENT], .links = here.broken[BW_RULE_LINK],
+                                    .separations = here.broken[BW_RULE_SEPARATION],
+                                    .loops = here.broken[BW_RULE_REGION] + here.broken[BW_RULE_VOLUME], .hexes = here.hexes,
+                                    .objective = here.objective, .coarsest_valid = coarsest.valid};
+        if (coarsest.valid) out->coarsest_scale = coarsest.scale, out->coarsest_hexes = coarsest.hexes;
+        out->seconds = seconds_now() - since;
+        report->has_rounding = true;
+    }
+    bw_rounding_free(ctx, r);
+    bw_free(ctx, length);
+    return status;
+}
+
 bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_quantize_options *options,
                       int64_t **length, bw_report *report) {
     double since = seconds_now();
     bw_quantizer q;
     bw_quant_oracle oracle = {0}; /* positive lengths are valid whatever the complex */
     bw_validity *validity = NULL;
-    bw_status status = options->range == BW_QUANTIZE_POSITIVE ? BW_OK : bw_validity_new(ctx, cells, complex, &validity);
-    if (validity) oracle.separate = separate, oracle.user = validity;
+    bool positive = options->range == BW_QUANTIZE_POSITIVE;
+    bw_status status = positive && !options->rounding ? BW_OK : bw_validity_new(ctx, cells, complex, &validity);
+    if (!positive) oracle.separate = separate, oracle.user = validity;
     if (status == BW_OK) status = bw_quantizer_open(ctx, complex, cells->map->exponent, options->range, &oracle, &q);
     *length = NULL;
     if (status != BW_OK) {
@@ -114,6 +142,7 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
     if (status == BW_OK) status = sweep(ctx, cells, complex, &q, options, *length, report);
     if (status == BW_OK) status = find_lengths(ctx, &q, options, report);
     if (status == BW_OK) status = verify(ctx, cells, complex, &q, *length, &report->quantization);
+    if (status == BW_OK && options->rounding) status = compare_rounding(ctx, &q, validity, report->quantization.scale, report);
     if (status == BW_OK) {
         snprintf(report->quantization.range, sizeof report->quantization.range, "%s", range_names[options->range]);
         report->quantization.seconds_setup = setup;

@@ -12,6 +12,7 @@ typedef struct {
     bw_quantize_range range; /* not BW_QUANTIZE_NONE */
     double scale;            /* arcs are to be as long as scale times their input length; 0: the coarsest there is */
     bool fewest_hexes;       /* instead of a scale: as few hexes as there can be */
+    bool rounding;           /* report what rounding makes of the size found, and its own coarsest size (quantize/rounding.h) */
     uint64_t target_hexes;   /* not 0: take the scale that comes nearest to this number of hexes instead */
     double seconds;          /* limit of the search for each size */
     size_t scale_count;      /* sizes for the table of the report */

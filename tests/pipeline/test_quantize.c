@@ -180,6 +180,31 @@ static void a_search_without_time_says_so(void **state) {
     outcome_clear(&o);
 }
 
+static void rounding_is_compared_where_that_is_asked_for(void **state) {
+    (void)state;
+    static const char *const names[] = {"part", "cylinder", "hollow-torus"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        for (int coarse = 0; coarse < 2; coarse++) {
+            char json[100];
+            snprintf(json, sizeof json, "{\"quantize\": \"%s\", \"scale\": %d, \"rounding\": true}", i ? "any" : "positive", coarse ? 0 : 12);
+            outcome o = run(sample(names[i]), json);
+            const json_t *r = json_object_get(o.found, "rounding");
+            assert_true(json_is_object(r));
+            double kinds = number(r, "negative_blocks") + number(r, "links") + number(r, "separations") + number(r, "loops");
+            assert_true(kinds == number(r, "conflicts"));
+            assert_int_equal(json_is_true(json_object_get(r, "valid")), !coarse);
+            assert_int_equal(number(r, "conflicts") > 0, coarse);
+            assert_true(number(r, "integers") > 0 && number(r, "integers") <= number(o.found, "free_integers"));
+            assert_true(json_is_true(json_object_get(r, "coarsest_valid")));
+            if (coarse && i) assert_true(number(r, "coarsest_hexes") >= number(o.found, "hexes"));
+            if (!coarse && i) assert_true(number(r, "objective") >= number(o.found, "bound") - 1e-6);
+            outcome_clear(&o);
+        }
+    outcome without = run(sample("part"), "{\"quantize\": \"any\"}");
+    assert_null(json_object_get(without.found, "rounding"));
+    outcome_clear(&without);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lengths_in_blocks_json_are_what_the_report_says),
@@ -188,6 +213,7 @@ int main(void) {
         cmocka_unit_test(a_list_of_scales_gives_a_table),
         cmocka_unit_test(fewest_hexes_are_no_more_than_those_of_the_coarsest),
         cmocka_unit_test(a_search_without_time_says_so),
+        cmocka_unit_test(rounding_is_compared_where_that_is_asked_for),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
 }

@@ -44,6 +44,7 @@ static void equal_requests_have_equal_forms(void **state) {
     (void)state;
     const char *same[][2] = {{"{}", "{\"complex\":\"mc\"}"},
                              {"{\"repair\":false}", "{}"},
+                             {"{\"rounding\":false}", "{}"},
                              {"{\"tolerance\":0}", "{\"tolerance\":0.0}"},
                              {"{\"complex\":\"bc\",\"max_cells\":7}", "{\"max_cells\":7,\"complex\":\"bc\"}"}};
     for (size_t i = 0; i < sizeof same / sizeof *same; i++) {
@@ -61,6 +62,7 @@ static void a_refusal_names_the_option_and_what_it_may_be(void **state) {
                               {"{\"max_cells\":0}", "option max_cells must be an integer at least 1 and at most 2000000000"},
                               {"{\"tolerance\":1}", "option tolerance must be a number at least 0 and less than 0.1"},
                               {"{\"repair\":\"yes\"}", "option repair must be true or false"},
+                              {"{\"rounding\":1}", "option rounding must be true or false"},
                               {"{\"colour\":1}", "there is no option 'colour'"},
                               {"[]", "options must be an object"}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
