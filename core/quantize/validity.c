@@ -26,7 +26,7 @@ struct bw_validity {
     bw_loops loops;
     bw_flood flood;
     bw_corridor corridor;
-    int32_t *loose; /* places of critical arcs that no block has at an edge */
+    int32_t *loose; /* 4 * patch + side: sides of patches that must not be negative */
     size_t loose_count;
     const int64_t *length; /* of the call */
     bw_constraint_list *out;
@@ -45,22 +45,24 @@ struct bw_validity {
 
 /* ---- setting up ---- */
 
-/* Feature arcs that lie inside sides of all blocks around them: nothing else keeps them in place. */
+static bool is_flat_at(const bw_surface *s, int32_t rim) {
+    int quarters;
+    bw_surface_rim_other(s, rim, &quarters);
+    return quarters == 2;
+}
+
+/* Critical arcs that end a patch without being an edge of a block beside it. As a rule an arc that ends a patch is an edge of one of its two blocks, and may
+ * change places with an arc that is one of the other (flood.h); these may not. */
 static bw_status list_loose(bw_validity *v) {
     const bw_surface *s = &v->surface;
-    uint8_t *held = bw_alloc(v->ctx, v->x->arc_count, 1);
-    v->loose = bw_alloc(v->ctx, s->edge_count, sizeof *v->loose);
-    if (held && v->loose) {
-        for (int pass = 0; pass < 2; pass++)
-            for (size_t e = 0; e < s->edge_count; e++) {
-                int quarters;
-                bw_arc a = s->edge[e].use >> 1;
-                bw_surface_rim_other(s, s->edge[e].rim[0], &quarters);
-                if (pass == 0 && quarters == 1) held[a] = 1;
-                if (pass == 1 && v->critical.arc_link[a] != BW_NONE && !held[a]) v->loose[v->loose_count++] = (int32_t)e;
-            }
-    }
-    bw_free(v->ctx, held);
+    const bw_complex *x = v->x;
+    v->loose = bw_alloc(v->ctx, x->patch_chain_begin[4 * x->patch_count], sizeof *v->loose);
+    for (size_t k = 0; k < 4 * x->patch_count && v->loose; k++)
+        for (size_t i = x->patch_chain_begin[k]; i < x->patch_chain_begin[k + 1]; i++) {
+            int32_t rim = 2 * (int32_t)i;
+            if (v->critical.arc_link[x->patch_chain[i] >> 1] == BW_NONE || s->rim_edge[rim ^ 1] == BW_NONE) continue;
+            if (is_flat_at(s, rim) && is_flat_at(s, rim ^ 1)) v->loose[v->loose_count++] = (int32_t)(k ^ 1); /* a side of the patch that leads away from it */
+        }
     return v->ctx->error.status;
 }
 
@@ -139,16 +141,21 @@ static bw_status separate_extents(bw_validity *v) {
     return BW_OK;
 }
 
-/* The boundary has blocks on one side only, so where arcs are negative its patches must not turn over: they cannot change places as blocks on two sides of a
- * wall can. */
-static bw_status separate_patches(bw_validity *v) {
+/* Adds a side of a patch, 4 * patch + side, if it is negative. */
+static bw_status separate_side(bw_validity *v, size_t side, bw_rule rule) {
     const bw_complex *x = v->x;
-    for (size_t k = 0; k < 2 * x->patch_count; k++) {
-        size_t side = 4 * (k / 2) + k % 2, n = 0;
-        if (v->critical.patch_region[k / 2] == BW_NONE) continue;
-        if (add_chain(v, &n, x->patch_chain, x->patch_chain_begin[side], x->patch_chain_begin[side + 1], 1)) return v->ctx->error.status;
-        if (sum(v, n) < 0 && bw_constraint_add(v->ctx, v->out, BW_RULE_REGION, BW_AT_LEAST, v->term, n, 0)) return v->ctx->error.status;
-    }
+    size_t n = 0;
+    if (add_chain(v, &n, x->patch_chain, x->patch_chain_begin[side], x->patch_chain_begin[side + 1], 1)) return v->ctx->error.status;
+    return sum(v, n) < 0 ? bw_constraint_add(v->ctx, v->out, rule, BW_AT_LEAST, v->term, n, 0) : BW_OK;
+}
+
+/* Where arcs are negative patches may turn over, for blocks on the two sides of a wall may change places along it. Not so on the boundary, which has blocks on one
+ * side only, nor beside loose arcs. */
+static bw_status separate_patches(bw_validity *v) {
+    for (size_t k = 0; k < 2 * v->x->patch_count; k++)
+        if (v->critical.patch_region[k / 2] != BW_NONE && separate_side(v, 4 * (k / 2) + k % 2, BW_RULE_REGION)) return v->ctx->error.status;
+    for (size_t i = 0; i < v->loose_count; i++)
+        if (separate_side(v, (size_t)v->loose[i], BW_RULE_SEPARATION)) return v->ctx->error.status;
     return BW_OK;
 }
 
@@ -362,6 +369,27 @@ static bw_status separate_apart(bw_validity *v) {
     return negative ? flood_from_cells(v, BW_MEET_APART) : BW_OK;
 }
 
+/* A boundary region is held by the blocks it was traced on: each of its patches stays within the side it lies in, or part of it would be that of another block. */
+static bw_status separate_sides(bw_validity *v) {
+    const bw_surface *s = &v->surface;
+    for (int32_t slot = 0; slot < 2 * (int32_t)v->x->patch_count; slot++) {
+        bw_block b = bw_surface_slot_block(s, slot);
+        if (v->critical.patch_region[slot >> 1] == BW_NONE || b == BW_NONE) continue;
+        int32_t end[2] = {(int32_t)s->point_begin[b], (int32_t)s->point_begin[b + 1] - 1}; /* of the block, and of the patch */
+        const int32_t *corner = s->slot_corner[slot];
+        for (int k = 0; k < 6; k++) {
+            int axis = k / 2, high = k % 2, sign[3] = {0, 0, 0};
+            int32_t from = high ? corner[1] : end[0], to = high ? end[1] : corner[0];
+            if (v->flood.at[to][axis] >= v->flood.at[from][axis]) continue;
+            sign[axis] = 1;
+            bw_corridor_start(&v->corridor, b);
+            if (bw_corridor_find(&v->corridor, &from, 1, &to, 1) || bw_corridor_constrain(&v->corridor, sign, 0, BW_RULE_REGION, v->out))
+                return v->ctx->error.status;
+        }
+    }
+    return BW_OK;
+}
+
 /* One place of each node is enough. Without critical nodes, links and regions at all there are only loops to find: from any point. */
 static bw_status separate_nodes(bw_validity *v) {
     const bw_surface *s = &v->surface;
@@ -373,27 +401,6 @@ static bw_status separate_nodes(bw_validity *v) {
         if (flood_from(v, (bw_critical_cell){BW_CELL_NODE, (int32_t)p}, BW_MEET_NODES)) return v->ctx->error.status;
     }
     return append_separations(v);
-}
-
-/* Loose arcs stay in the sides they lie in: 0 <= coordinate <= extent in each block beside them. */
-static bw_status separate_loose(bw_validity *v) {
-    const bw_surface *s = &v->surface;
-    for (size_t i = 0; i < v->loose_count; i++) {
-        const bw_surface_edge *e = &s->edge[v->loose[i]];
-        bw_block b = s->point[e->point[0]].block;
-        int32_t corner[2] = {(int32_t)s->point_begin[b], (int32_t)s->point_begin[b + 1] - 1};
-        const int64_t *at = v->flood.at[e->point[0]], *extent = v->flood.at[corner[1]];
-        for (int k = 0; k < 6; k++) {
-            int axis = k / 2, high = k % 2, sign[3] = {0, 0, 0};
-            if (axis == e->axis || (high ? at[axis] <= extent[axis] : at[axis] >= 0)) continue;
-            bw_corridor_start(&v->corridor, b);
-            sign[axis] = 1;
-            if (high ? bw_corridor_find(&v->corridor, e->point, 2, &corner[1], 1) : bw_corridor_find(&v->corridor, &corner[0], 1, e->point, 2))
-                return v->ctx->error.status;
-            if (bw_corridor_constrain(&v->corridor, sign, 0, BW_RULE_SEPARATION, v->out)) return v->ctx->error.status;
-        }
-    }
-    return BW_OK;
 }
 
 /* ---- (iii) and (iv) ---- */
@@ -413,7 +420,7 @@ static bw_status separate_loops(bw_validity *v) {
 
 bw_status bw_validity_separate(bw_validity *v, const int64_t *length, bw_constraint_list *violated) {
     static bw_status (*const step[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links, separate_patches};
-    static bw_status (*const later[])(bw_validity *) = {separate_loose, separate_across, separate_nodes, separate_apart, separate_loops};
+    static bw_status (*const later[])(bw_validity *) = {separate_sides, separate_across, separate_nodes, separate_apart, separate_loops};
     size_t before = violated->count;
     v->length = length, v->out = violated;
     v->figures.calls++;

@@ -4,15 +4,21 @@
  *
  *   consistency  each patch is a rectangle (Q 7), no block has a negative extent (Q 8): sums over chains.
  *   (i)    link      the sum over a singular link is 0 or less (Q 10).
- *   (ii)   separation  floods from all critical cells that touch a block with an extent of 0 or an arc without positive length (flood.h): links and
- *                    regions first; nodes, of which a coincidence the former see only sideways, where that finds nothing. A meeting gives the constraint
- *                    that the displacement of its two cells, in the directions perpendicular to both in which they differ in the input, is at least 1
- *                    in the input's direction, or the sum of several such directions (Q 11, Fig. 10).
- *   (iii)  region   a critical patch has a negative side: it has turned over. And
- *                   floods within each region that has loops which cannot be contracted in it: one of them has collapsed.
- *   (iv)   volume   floods of the volume find the same. Q 12 asks of each generator to keep its displacement in every direction; that forbids valid
- *                   quantizations (a loop around a hole may well return to where it started, and a loop other than the generators may
- *                   collapse). Here a loop breaks the rule when it collapses, whichever it is, and what is asked is that one direction is left.
+ *   (ii)   separation  floods (flood.h) from all critical cells that touch a block with an extent of 0 or an arc without positive length: arcs of links and
+ *                    patches of regions first; where they find nothing nodes, whose coincidence the former see only from the side. A meeting gives
+ *                    the constraint that the displacement of the two cells is at least 1 in the directions in which they lie apart in the
+ *                    input, added up (Q 11, Fig. 10). These are directions perpendicular to both; and directions along one of them, if there too the cells lie apart, so that
+ *                    only ends touch. Of all meetings of two entities the one is taken that is apart in the fewest such directions: cells
+ *                    that face each other have none. (Q 11 has directions across only, for all meetings; that separates what could as well be moved aside.)
+ *   (iii)  region    a critical patch has turned over or left its block's side; or a flood within a region finds that a loop of it has collapsed.
+ *   (iv)   volume    a flood of the volume finds the same. Q 12 asks of each generator to keep its displacement in every direction; that forbids valid
+ *                    quantizations (a loop around a hole may well return to where it started), and a loop other than the generators may
+ *                    collapse. Here a loop breaks the rule when it collapses, whichever it is, and what is asked is that one direction is left.
+ *
+ * Where no length is negative, constraints are found exactly if the quantization is invalid. With negative lengths patches may turn over, for blocks on the two sides of
+ * a wall may change places along it; that is refused on the boundary and beside critical arcs that are no edge of either block, which
+ * excludes a few quantizations that would be valid. A constraint excludes valid quantizations in any case, those that evade the coincidence in a way that it does
+ * not offer; there is no linear inequality that would not.
  *
  * (iii) and (iv) are looked at when (ii) finds nothing (Q 5.3.5). Where all lengths are positive nothing coincides and there is nothing to look for.
  *

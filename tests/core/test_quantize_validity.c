@@ -1,5 +1,7 @@
-/* Validity: positive quantizations break nothing, and what is broken is named by the rule it belongs to. */
+/* Validity: positive quantizations break nothing, what is broken is named by the rule it belongs to, and the verdict is that of the verifier. */
 #include "core/validity_kit.h"
+
+#include "quantize/verify.h"
 
 static const bw_complex_kind kinds[] = {BW_COMPLEX_MC, BW_COMPLEX_BC};
 
@@ -95,26 +97,41 @@ static void positive_quantizations_of_flat_manifolds_are_valid(void **state) {
 
 /* ---- random quantizations ---- */
 
-static size_t random_broken[BW_RULE_COUNT], random_valid;
+static size_t random_broken[BW_RULE_COUNT], random_valid, random_negative, random_strict;
+
+/* The verifier contracts the complex and knows no constraints. Both must agree; with negative lengths separation may refuse a little more. */
+static void compare(quantizable *q, const bw_constraint_list *list) {
+    bw_verdict verdict;
+    bool negative = false;
+    for (size_t a = 0; a < q->complex.arc_count; a++) negative = negative || q->length[a] < 0;
+    kit_expect_ok(&q->ctx, bw_verify(&q->ctx, &q->cells, &q->complex, q->length, &verdict));
+    bool valid = verdict.fault == BW_VALID;
+    if (list->count == 0 && !valid) fail_msg("%s: %s is not noticed: %s", q->name, bw_fault_name(verdict.fault), verdict.message);
+    if (list->count && valid && !negative) fail_msg("%s: a valid quantization breaks the rule %s", q->name, bw_rule_name(list->rule[0]));
+    random_negative += negative && !(list->count && list->rule[0] == BW_RULE_EXTENT);
+    random_strict += list->count && valid;
+}
 
 /* Small lengths, some zero, some negative; those that leave a block with a negative extent break that rule. */
 static void check_random(quantizable *q, kit_random *random, int tests) {
     const bw_quant_model *m = &q->model;
     int64_t *unknown = calloc(m->free_count + 1, sizeof *unknown), *value = calloc(m->class_count + 1, sizeof *value);
     for (int t = 0; t < tests; t++) {
-        int64_t low = t % 3 == 2 ? -1 : 0, high = 1 + t % 2;
-        for (size_t f = 0; f < m->free_count; f++) unknown[f] = low + (int64_t)kit_random_below(random, (uint64_t)(high - low + 1));
+        for (size_t f = 0; f < m->free_count; f++) /* mostly small; or long, and below one or two of them negative */
+            unknown[f] = t % 3 == 2 ? 1 + (int64_t)kit_random_below(random, 4) : (int64_t)kit_random_below(random, kit_random_below(random, 4) ? 2 : 4);
+        for (int i = 0; i <= t % 2 && t % 3 == 2 && m->free_count; i++) unknown[kit_random_below(random, m->free_count)] = -1;
         bw_quant_model_expand(m, unknown, value);
         bw_quant_model_lengths(m, value, q->length);
         bw_constraint_list list = separate(q);
         for (size_t c = 0; c < list.count; c++) random_broken[list.rule[c]]++;
+        compare(q, &list);
         random_valid += !list.count;
         bw_constraint_clear(&q->ctx, &list);
     }
     free(unknown), free(value);
 }
 
-static void constraints_are_broken_by_what_they_were_found_in_and_hold_for_the_input(void **state) {
+static void verdicts_are_those_of_the_verifier_and_constraints_hold_for_the_input(void **state) {
     (void)state;
     size_t count;
     const bw_model_info *models = bw_model_list(&count);
@@ -134,10 +151,10 @@ static void constraints_are_broken_by_what_they_were_found_in_and_hold_for_the_i
         quantizable_close(&q);
     }
     for (int rule = 0; rule < BW_RULE_COUNT; rule++) print_message("%s %zu, ", bw_rule_name((bw_rule)rule), random_broken[rule]);
-    print_message("valid %zu\n", random_valid);
+    print_message("valid %zu; %zu with negative lengths, %zu refused though valid\n", random_valid, random_negative, random_strict);
     assert_int_equal(random_broken[BW_RULE_RECTANGLE], 0); /* the model solves these */
     for (int rule = BW_RULE_EXTENT; rule < BW_RULE_COUNT; rule++) assert_true(random_broken[rule] > 0);
-    assert_true(random_valid > 50);
+    assert_true(random_valid > 50 && random_negative > 100 && 10 * random_strict <= random_negative);
 }
 
 /* ---- one collapse for each rule ---- */
@@ -475,7 +492,7 @@ static void positive_quantizations_of_real_inputs_are_valid(void **state) {
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(positive_quantizations_of_models_are_valid),
     cmocka_unit_test(positive_quantizations_of_flat_manifolds_are_valid),
-    cmocka_unit_test(constraints_are_broken_by_what_they_were_found_in_and_hold_for_the_input),
+    cmocka_unit_test(verdicts_are_those_of_the_verifier_and_constraints_hold_for_the_input),
     cmocka_unit_test(a_rectangle_that_is_none_is_told),
     cmocka_unit_test(a_box_without_extent_has_links_without_length),
     cmocka_unit_test(sheets_between_singular_links_must_not_collapse),
