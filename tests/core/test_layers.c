@@ -22,8 +22,10 @@ static const layer layers[] = {
     {"mesh", " base exact "},
     {"complex", " base exact solve mesh "},
     {"quantize", " base exact solve mesh complex "},
-    {"format", " base exact solve mesh complex quantize "},
-    {"stage", " base exact solve mesh complex quantize format "}, /* stages read and write through format */
+    {"igm", " base exact solve mesh complex quantize "},
+    {"hex", " base exact solve mesh complex quantize igm "},
+    {"format", " base exact solve mesh complex quantize igm hex "},
+    {"stage", " base exact solve mesh complex quantize igm hex format "}, /* stages read and write through format */
 };
 
 static const layer *layer_of(const char *folder, size_t length) {
