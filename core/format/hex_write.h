@@ -1,0 +1,22 @@
+/* Writers of hex meshes, one file each (hex_<format>.c): what bw_hex_mesh says, in the words of every format.
+ *
+ * All of them
+ *  - write positions so that they read back as the same doubles, vertices and hexes in the order of the mesh;
+ *  - permute corners to the format's order, in which a positive hex is positive too, and list quads of the boundary counter-clockwise seen from outside;
+ *  - name blocks by their index in blocks.json; where a format's tags begin at 1, tag = block + 1, and 0 is a hex whose block is not known;
+ *  - give the same bytes for the same mesh; *bytes (may be NULL) is the file's size; the file is created or emptied first.
+ * Errors: BW_E_IO, BW_E_MEMORY, BW_E_CANCELLED.
+ */
+#ifndef BW_FORMAT_HEX_WRITE_H
+#define BW_FORMAT_HEX_WRITE_H
+
+#include "hex/skin.h"
+
+/* Corners in the order of VTK, Medit, Gmsh, Abaqus and CGNS: around the low face, then around the high one. */
+extern const uint8_t bw_hex_ring[8];
+
+/* Medit. References: of a hex its block + 1, of a boundary quad its surface + 1, of an edge (the irregular ones) how many hexes it has, of a vertex what holds it
+ * (bw_hex_mesh.held: 0 point ... 3 nothing). Corners and RequiredVertices are the points; RequiredEdges are the edges of the boundary. */
+bw_status bw_hex_write_medit(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+#endif

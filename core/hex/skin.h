@@ -1,0 +1,44 @@
+/* The outside of a hex mesh, and its irregular edges: what file formats list beside the hexes.
+ *
+ * A surface is a part of the boundary that edges of the boundary with two hexes hold together: edges with one, three or more end it. So a cube has six, a ball made of
+ * a cube has six too, a torus made of a ring of squares four. Surfaces are numbered by their first quad.
+ *
+ * Invariants: quads ascend by hex and face; irregular edges ascend by their vertices, the lower one first.
+ */
+#ifndef BW_HEX_SKIN_H
+#define BW_HEX_SKIN_H
+
+#include <stdbool.h>
+
+#include "hex/hexmesh.h"
+
+typedef struct {
+    bw_hex hex;
+    uint8_t face;    /* 2 * axis + (0 low | 1 high) */
+    int32_t surface;
+} bw_hex_quad;
+
+/* An edge inside that has not four hexes, or one of the boundary that has not two. */
+typedef struct {
+    bw_hvertex vertex[2];
+    int32_t valence; /* hexes around it */
+    bool boundary;
+} bw_hex_edge;
+
+typedef struct {
+    size_t quad_count, surface_count, edge_count;
+    bw_hex_quad *quad;
+    bw_hex_edge *edge;
+} bw_hex_skin;
+
+extern const uint8_t bw_hex_face_corner[6][4]; /* of a face, counter-clockwise seen from outside a positive hex */
+extern const uint8_t bw_hex_edge_corner[12][2];
+
+/* Requires indices in range; of a mesh that is not manifold it lists quads that are in one hex. O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
+bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);
+void bw_hex_skin_clear(bw_context *ctx, bw_hex_skin *skin);
+static inline bw_hvertex bw_hex_quad_vertex(const bw_hex_mesh *mesh, const bw_hex_quad *quad, int corner) {
+    return mesh->hex[quad->hex][bw_hex_face_corner[quad->face][corner]];
+}
+
+#endif
