@@ -1,0 +1,122 @@
+/* Integer charts of blocks agree across patches and around arcs, for positive, zero and negative lengths; damage is found. */
+#include "core/validity_kit.h"
+#include "igm/atlas.h"
+
+static bw_status separate(void *user, const int64_t *length, bw_constraint_list *violated) {
+    return bw_validity_separate(user, length, violated);
+}
+
+static void quantize(quantizable *q, bw_quantize_range range, double scale) {
+    bw_quantizer z;
+    bw_quant_result result;
+    bw_quant_oracle oracle = {.separate = range == BW_QUANTIZE_POSITIVE ? NULL : separate, .user = q->validity};
+    kit_expect_ok(&q->ctx, bw_quantizer_open(&q->ctx, &q->complex, q->map.exponent, range, &oracle, &z));
+    kit_expect_ok(&q->ctx, bw_quantizer_solve(&q->ctx, &z, scale, 1, &result));
+    bw_quant_model_lengths(&z.model, z.value, q->length);
+    bw_quantizer_close(&q->ctx, &z);
+}
+
+static void check(quantizable *q) {
+    bw_atlas atlas;
+    kit_expect_ok(&q->ctx, bw_atlas_init(&q->ctx, &q->cells, &q->complex, q->length, &atlas));
+    kit_expect_ok(&q->ctx, bw_atlas_check(&q->ctx, &atlas));
+    int64_t hexes = 0, promised = 0;
+    for (size_t b = 0; b < q->complex.block_count; b++) {
+        int64_t volume = 1;
+        for (int axis = 0; axis < 3; axis++) volume *= atlas.extent[b][axis];
+        hexes += volume;
+    }
+    bw_quant_model *m = &q->model;
+    int64_t *value = calloc(m->class_count + 1, sizeof *value);
+    assert_non_null(value);
+    for (size_t a = 0; a < m->arc_count; a++) value[m->arc_class[a]] = q->length[a];
+    promised = bw_quant_model_hexes(m, value);
+    free(value);
+    assert_int_equal(hexes, promised);
+    bw_atlas_clear(&q->ctx, &atlas);
+}
+
+static void check_ranges(quantizable *q) {
+    for (int range = BW_QUANTIZE_POSITIVE; range <= BW_QUANTIZE_ANY; range++) {
+        quantize(q, (bw_quantize_range)range, 0);
+        check(q);
+    }
+    quantize(q, BW_QUANTIZE_ANY, 1);
+    check(q);
+}
+
+static void charts_of_sample_models_agree(void **state) {
+    (void)state;
+    size_t count;
+    const bw_model_info *models = bw_model_list(&count);
+    for (size_t i = 0; i < count; i++)
+        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
+            quantizable q;
+            bw_model_options options;
+            bw_model_options_defaults(&options);
+            options.size = 2, options.noise = 0.5, options.seed = i, options.features = mode == BW_REDUCE_FULL;
+            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
+            check_ranges(&q);
+            quantizable_close(&q);
+        }
+}
+
+static void charts_of_flat_manifolds_agree(void **state) {
+    (void)state;
+    for (size_t i = 0; i < FLAT_SHAPES; i++) {
+        quantizable q;
+        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
+        check_ranges(&q);
+        quantizable_close(&q);
+    }
+}
+
+static void charts_of_shared_models_agree(void **state) {
+    (void)state;
+    const char *folder = kit_shared("data/tet");
+    size_t count;
+    char **names = kit_names(folder, ".hexex", &count);
+    assert_true(count > 0);
+    for (size_t i = 0; i < count; i++) {
+        quantizable q;
+        quantizable_open_file(&q, folder, names[i], BW_REDUCE_KEEP_SINGULAR);
+        check_ranges(&q);
+        quantizable_close(&q);
+    }
+    kit_names_free(names, count);
+}
+
+static void damage_is_found(void **state) {
+    (void)state;
+    quantizable q;
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    quantizable_open(&q, "part", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
+    quantize(&q, BW_QUANTIZE_POSITIVE, 1);
+    size_t inside = 0;
+    while (q.complex.patch_block[inside][1] == BW_NONE) inside++;
+    for (int damage = 0; damage < 4; damage++) {
+        bw_atlas atlas;
+        kit_expect_ok(&q.ctx, bw_atlas_init(&q.ctx, &q.cells, &q.complex, q.length, &atlas));
+        if (damage == 0) atlas.integer[inside].shift[damage]++;
+        if (damage == 1) atlas.place[0].at[2].q++;
+        if (damage == 2) atlas.extent[1][1]++;
+        if (damage == 3) atlas.integer[inside].rotation = (bw_rotation)(atlas.integer[inside].rotation ? 0 : 1);
+        kit_expect_status(&q.ctx, bw_atlas_check(&q.ctx, &atlas), BW_E_CHECK);
+        bw_atlas_clear(&q.ctx, &atlas);
+        q.ctx.error.status = BW_OK;
+    }
+    q.length[0]++;
+    bw_atlas atlas;
+    kit_expect_status(&q.ctx, bw_atlas_init(&q.ctx, &q.cells, &q.complex, q.length, &atlas), BW_E_CHECK);
+    q.ctx.error.status = BW_OK;
+    quantizable_close(&q);
+}
+
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(charts_of_sample_models_agree),
+    cmocka_unit_test(charts_of_flat_manifolds_agree),
+    cmocka_unit_test(charts_of_shared_models_agree),
+    cmocka_unit_test(damage_is_found),
+};
+KIT_MAIN(tests)
