@@ -15,8 +15,9 @@
  *  1. Indices are in range, no hex repeats a vertex, every vertex is in a hex.
  *  2. Conforming and manifold: no quad is in more than two hexes, hexes that share one see it in opposite senses; the link of every vertex is a sphere, or a
  *     disk on the boundary.
- *  3. A vertex is on a quad of one hex only exactly if it is not held by BW_HELD_NOT.
- *  4. Within a block, hexes next to each other have ijk that differ by one along the shared face's axis; block, ijk are unique.
+ *  3. A vertex on a quad of one hex only is held by the surface, a curve or a point; others only by features inside.
+ *  4. Either no hex has a block, or all have one and those of each fill a box: axes 0, 1, 2 of a hex are those of its block, ijk counts from 0, each
+ *     place is taken once, and hexes next to each other in the box share the face between them. (Corners 0..7 of hex (i, j, k) are the grid points (i, j, k) + bits.)
  *  5. Vertices and hexes are numbered the same at any thread count.
  */
 #ifndef BW_HEX_HEXMESH_H
