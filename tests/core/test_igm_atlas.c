@@ -1,20 +1,5 @@
 /* Integer charts of blocks agree across patches and around arcs, for positive, zero and negative lengths; damage is found. */
-#include "core/validity_kit.h"
-#include "igm/atlas.h"
-
-static bw_status separate(void *user, const int64_t *length, bw_constraint_list *violated) {
-    return bw_validity_separate(user, length, violated);
-}
-
-static void quantize(quantizable *q, bw_quantize_range range, double scale) {
-    bw_quantizer z;
-    bw_quant_result result;
-    bw_quant_oracle oracle = {.separate = range == BW_QUANTIZE_POSITIVE ? NULL : separate, .user = q->validity};
-    kit_expect_ok(&q->ctx, bw_quantizer_open(&q->ctx, &q->complex, q->map.exponent, range, &oracle, &z));
-    kit_expect_ok(&q->ctx, bw_quantizer_solve(&q->ctx, &z, scale, 1, &result));
-    bw_quant_model_lengths(&z.model, z.value, q->length);
-    bw_quantizer_close(&q->ctx, &z);
-}
+#include "core/igm_kit.h"
 
 static void check(quantizable *q) {
     bw_atlas atlas;
@@ -38,10 +23,10 @@ static void check(quantizable *q) {
 
 static void check_ranges(quantizable *q) {
     for (int range = BW_QUANTIZE_POSITIVE; range <= BW_QUANTIZE_ANY; range++) {
-        quantize(q, (bw_quantize_range)range, 0);
+        igm_quantize(q, (bw_quantize_range)range, 0);
         check(q);
     }
-    quantize(q, BW_QUANTIZE_ANY, 1);
+    igm_quantize(q, BW_QUANTIZE_ANY, 1);
     check(q);
 }
 
@@ -92,7 +77,7 @@ static void damage_is_found(void **state) {
     bw_model_options options;
     bw_model_options_defaults(&options);
     quantizable_open(&q, "part", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
-    quantize(&q, BW_QUANTIZE_POSITIVE, 1);
+    igm_quantize(&q, BW_QUANTIZE_POSITIVE, 1);
     size_t inside = 0;
     while (q.complex.patch_block[inside][1] == BW_NONE) inside++;
     for (int damage = 0; damage < 4; damage++) {

@@ -1,0 +1,29 @@
+/* Quantized complexes for the tests of integer-grid maps, on what validity_kit.h opens. */
+#ifndef BW_TESTS_CORE_IGM_KIT_H
+#define BW_TESTS_CORE_IGM_KIT_H
+
+#include "core/validity_kit.h"
+#include "igm/frame.h"
+
+static bw_status igm_separate(void *user, const int64_t *length, bw_constraint_list *violated) {
+    return bw_validity_separate(user, length, violated);
+}
+
+/* Lengths for a range and scale, into q->length. */
+static inline void igm_quantize(quantizable *q, bw_quantize_range range, double scale) {
+    bw_quantizer z;
+    bw_quant_result result;
+    bw_quant_oracle oracle = {.separate = range == BW_QUANTIZE_POSITIVE ? NULL : igm_separate, .user = q->validity};
+    kit_expect_ok(&q->ctx, bw_quantizer_open(&q->ctx, &q->complex, q->map.exponent, range, &oracle, &z));
+    kit_expect_ok(&q->ctx, bw_quantizer_solve(&q->ctx, &z, scale, 1, &result));
+    bw_quant_model_lengths(&z.model, z.value, q->length);
+    bw_quantizer_close(&q->ctx, &z);
+}
+
+/* A corner's coordinates for integer values of the unknowns. */
+static inline void frame_value(const bw_frame_tet *t, int corner, const int64_t *x, int64_t out[3]) {
+    for (int k = 0; k < 3; k++)
+        out[k] = t->at[corner][k] + (t->variable[corner][k] == BW_NONE ? 0 : t->sign[corner][k] * x[t->variable[corner][k]]);
+}
+
+#endif
