@@ -3,7 +3,7 @@
  * All of them
  *  - write positions so that they read back as the same doubles, vertices and hexes in the order of the mesh;
  *  - permute corners to the format's order, in which a positive hex is positive too, and list quads of the boundary counter-clockwise seen from outside;
- *  - name blocks by their index in blocks.json; where a format's tags begin at 1, tag = block + 1, and 0 is a hex whose block is not known;
+ *  - name blocks by their index in blocks.json; where a format's tags begin at 1, tag = block + 1. What is told of a hex whose block is not known stands at each format;
  *  - give the same bytes for the same mesh; *bytes (may be NULL) is the file's size; the file is created or emptied first.
  * Errors: BW_E_IO, BW_E_MEMORY, BW_E_CANCELLED.
  */
@@ -15,8 +15,27 @@
 /* Corners in the order of VTK, Medit, Gmsh, Abaqus and CGNS: around the low face, then around the high one. */
 extern const uint8_t bw_hex_ring[8];
 
-/* Medit. References: of a hex its block + 1, of a boundary quad its surface + 1, of an edge (the irregular ones) how many hexes it has, of a vertex what holds it
+/* Scaled Jacobian of a hex: the least, over its corners, of the volume spanned by the three edges there, made unit vectors. */
+double bw_hex_write_jacobian(const bw_hex_mesh *mesh, size_t hex);
+
+/* Medit. References: of a hex its block + 1 (0: not known), of a boundary quad its surface + 1, of an edge (the irregular ones) how many hexes it has, of a vertex what holds it
  * (bw_hex_mesh.held: 0 point ... 3 nothing). Corners and RequiredVertices are the points; RequiredEdges are the edges of the boundary. */
 bw_status bw_hex_write_medit(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* Legacy VTK, ASCII. Cell arrays block (-1: not known), ijk, scaled_jacobian; point array held. */
+bw_status bw_hex_write_vtk(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* VTK's XML form, arrays as of bw_hex_write_vtk, appended raw. */
+bw_status bw_hex_write_vtu(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* Gmsh 4.1, ASCII. Physical groups "block N", "surface N", "inner edges of N hexes", "boundary edges of N hexes", "points"; hexes without block are in "no block",
+ * tagged after the last block. Tags of hexes are their index + 1, in the order of blocks. */
+bw_status bw_hex_write_msh(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* OpenVolumeMesh, text form, with properties block (of cells; -1: not known) and held (of vertices). */
+bw_status bw_hex_write_ovm(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* Abaqus. C3D8 elements in the set HEXES; ELSET BLOCK_N (BLOCK_NONE: not known), NSET and SURFACE SURFACE_N. */
+bw_status bw_hex_write_inp(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
 
 #endif

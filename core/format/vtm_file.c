@@ -33,7 +33,7 @@ static void put_array_tag(bw_output *out, const bw_vtm_array_info *a, uint64_t o
 
 bw_status bw_vtm_begin(bw_context *ctx, bw_vtm_file *file, const char *path, uint64_t points, uint64_t cells,
                        const bw_vtm_array_info *array, size_t array_count) {
-    static const char *const place[] = {"Points", "Cells", "CellData"};
+    static const char *const place[] = {"Points", "Cells", "CellData", "PointData"};
     *file = (bw_vtm_file){.array = array, .array_count = array_count};
     bw_output *out = &file->out;
     bw_status status = bw_output_open(ctx, out, path);

@@ -17,7 +17,7 @@
 
 #include "format/output.h"
 
-typedef enum { BW_VTM_POINTS, BW_VTM_CELLS, BW_VTM_CELL_DATA } bw_vtm_place;
+typedef enum { BW_VTM_POINTS, BW_VTM_CELLS, BW_VTM_CELL_DATA, BW_VTM_POINT_DATA } bw_vtm_place;
 typedef enum { BW_VTM_UINT8, BW_VTM_INT32, BW_VTM_INT64, BW_VTM_FLOAT64 } bw_vtm_type;
 
 typedef struct {

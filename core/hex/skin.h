@@ -10,7 +10,7 @@
 
 #include <stdbool.h>
 
-#include "hex/hexmesh.h"
+#include "hex/incidence.h"
 
 typedef struct {
     bw_hex hex;
@@ -31,10 +31,7 @@ typedef struct {
     bw_hex_edge *edge;
 } bw_hex_skin;
 
-extern const uint8_t bw_hex_face_corner[6][4]; /* of a face, counter-clockwise seen from outside a positive hex */
-extern const uint8_t bw_hex_edge_corner[12][2];
-
-/* Requires indices in range; of a mesh that is not manifold it lists quads that are in one hex. O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
+/* Requires indices in range; O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
 bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);
 void bw_hex_skin_clear(bw_context *ctx, bw_hex_skin *skin);
 static inline bw_hvertex bw_hex_quad_vertex(const bw_hex_mesh *mesh, const bw_hex_quad *quad, int corner) {

@@ -86,12 +86,6 @@ static inline void hex_kit_hold(bw_context *ctx, bw_hex_mesh *mesh) {
     bw_hex_skin_clear(ctx, &skin);
 }
 
-static inline void hex_kit_clear(bw_context *ctx, bw_hex_mesh *mesh) {
-    bw_free(ctx, mesh->position), bw_free(ctx, mesh->held), bw_free(ctx, mesh->carrier);
-    bw_free(ctx, mesh->hex), bw_free(ctx, mesh->block), bw_free(ctx, mesh->ijk);
-    *mesh = (bw_hex_mesh){0};
-}
-
 static inline void hex_kit_room(bw_context *ctx, bw_hex_mesh *mesh, size_t hexes, size_t vertices) {
     *mesh = (bw_hex_mesh){.hex_count = hexes, .subdivide = 1};
     mesh->position = bw_alloc(ctx, vertices, sizeof *mesh->position);
@@ -103,7 +97,7 @@ static inline void hex_kit_room(bw_context *ctx, bw_hex_mesh *mesh, size_t hexes
     assert_true(mesh->position && mesh->held && mesh->carrier && mesh->hex && mesh->block && mesh->ijk);
 }
 
-/* Glues blocks. stream: of the random numbers; jitter: vertices leave their place by up to that. Free with hex_kit_clear. */
+/* Glues blocks. stream: of the random numbers; jitter: vertices leave their place by up to that. Free with bw_hex_mesh_clear. */
 static inline void hex_kit_make(bw_context *ctx, const hex_kit_block *block, int count, uint64_t stream, double jitter, bw_hex_mesh *mesh) {
     size_t hexes = 0, h = 0;
     for (int b = 0; b < count; b++) hexes += (size_t)block[b].n[0] * (size_t)block[b].n[1] * (size_t)block[b].n[2];
@@ -197,7 +191,7 @@ static inline void hex_kit_plan_point(const void *user, int block, const int32_t
     double turn = 2 * 3.14159265358979323846 * layer / plan->layers;
     position[0] = plan->around ? (4 + p[0]) * cos(turn) : p[0];
     position[1] = p[1];
-    position[2] = plan->around ? -(4 + p[0]) * sin(turn) : (double)layer / plan->layers;
+    position[2] = plan->around ? (4 + p[0]) * sin(turn) : (double)layer / plan->layers;
 }
 
 static inline void hex_kit_sweep(bw_context *ctx, const hex_kit_plan *plan, uint64_t stream, bw_hex_mesh *mesh) {

@@ -22,6 +22,7 @@ static void skins_of_samples_are_as_known(void **state) {
         bw_hex_mesh mesh;
         bw_hex_skin skin;
         hex_kit_sample(&ctx, i, &mesh);
+        kit_expect_ok(&ctx, bw_hex_mesh_check(&ctx, &mesh));
         kit_expect_ok(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin));
         size_t inside = 0;
         for (size_t e = 0; e < skin.edge_count; e++) inside += !skin.edge[e].boundary;
@@ -31,7 +32,7 @@ static void skins_of_samples_are_as_known(void **state) {
         assert_int_equal(inside, expected[i].inside);
         assert_int_equal(skin.edge_count - inside, expected[i].boundary);
         bw_hex_skin_clear(&ctx, &skin);
-        hex_kit_clear(&ctx, &mesh);
+        bw_hex_mesh_clear(&ctx, &mesh);
         assert_int_equal(ctx.memory.used, 0);
     }
 }
@@ -50,7 +51,7 @@ static void each_allocation_may_fail(void **state) {
     bw_context_init(&ctx);
     hex_kit_sample(&ctx, HEX_KIT_TORUS, &mesh);
     assert_true(kit_fail_each_allocation(skin_of, &mesh) > 5);
-    hex_kit_clear(&ctx, &mesh);
+    bw_hex_mesh_clear(&ctx, &mesh);
 }
 
 static const struct CMUnitTest tests[] = {

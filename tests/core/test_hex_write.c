@@ -10,7 +10,8 @@ typedef bw_status writer(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_
 static const struct {
     const char *extension;
     writer *write;
-} formats[] = {{"mesh", bw_hex_write_medit}};
+} formats[] = {{"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
+             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}};
 enum { FORMATS = sizeof formats / sizeof *formats };
 
 /* ---- Medit, read back token by token ------------------------------------------------------------------------------- */
@@ -88,7 +89,7 @@ static void medit_says_what_the_mesh_says(void **state) {
         check_medit(text, &mesh, &skin);
         free(text);
         bw_hex_skin_clear(&ctx, &skin);
-        hex_kit_clear(&ctx, &mesh);
+        bw_hex_mesh_clear(&ctx, &mesh);
     }
 }
 
@@ -106,7 +107,7 @@ static void a_folder_that_is_not_there_is_an_io_error(void **state) {
         const char *path = kit_temp_path("not/there.%s", formats[f].extension);
         kit_expect_status(&ctx, formats[f].write(&ctx, &mesh, &skin, path, NULL), BW_E_IO);
         bw_hex_skin_clear(&ctx, &skin);
-        hex_kit_clear(&ctx, &mesh);
+        bw_hex_mesh_clear(&ctx, &mesh);
         assert_int_equal(ctx.memory.used, 0);
     }
 }
@@ -133,7 +134,7 @@ static void each_allocation_may_fail(void **state) {
     kit_expect_ok(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin));
     for (int f = 0; f < FORMATS; f++) assert_true(kit_fail_each_allocation(write_one, &(job){&mesh, &skin, f}) > 1);
     bw_hex_skin_clear(&ctx, &skin);
-    hex_kit_clear(&ctx, &mesh);
+    bw_hex_mesh_clear(&ctx, &mesh);
 }
 
 static const struct CMUnitTest tests[] = {
