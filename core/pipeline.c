@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <time.h>
 
 #include "blockwright.h"
 #include "format/input.h"
@@ -169,7 +168,7 @@ static const struct {
     [BW_STAGE_TRACE] = {"trace", 7, run_trace},
     [BW_STAGE_BUILD] = {"build", 8, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
-    [BW_STAGE_QUANTIZE] = {"quantize", 6, run_quantize},
+    [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
     [BW_STAGE_ENCODE] = {"encode", 6, run_encode},
 };
 
@@ -311,21 +310,15 @@ bw_status bw_options_from_json(bw_context *ctx, bw_options *options, const char 
 
 /* ---- running ------------------------------------------------------------------------------------------------------- */
 
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static double begin_stage(bw_context *ctx, const char *name) {
     ctx->stage = name;
     ctx->memory.peak = ctx->memory.used;
     bw_progress(ctx, 0);
-    return seconds_now();
+    return bw_seconds_now();
 }
 
 static void end_stage(bw_context *ctx, bw_report *report, double since) {
-    bw_report_add_stage(report, ctx->stage, seconds_now() - since, ctx->memory.peak);
+    bw_report_add_stage(report, ctx->stage, bw_seconds_now() - since, ctx->memory.peak);
     if (ctx->error.status == BW_OK) bw_progress(ctx, 1);
 }
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 typedef union {
     size_t bytes;
@@ -60,6 +61,12 @@ bw_status bw_poll(bw_context *ctx) {
     if (ctx->error.status != BW_OK) return ctx->error.status;
     if (ctx->cancel && *ctx->cancel) return bw_fail(ctx, BW_E_CANCELLED, "cancelled during %s", ctx->stage);
     return BW_OK;
+}
+
+double bw_seconds_now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static void *refuse(bw_context *ctx, size_t bytes) {

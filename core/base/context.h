@@ -71,6 +71,7 @@ void bw_log(bw_context *ctx, const char *format, ...) __attribute__((format(prin
 void bw_progress(bw_context *ctx, double fraction);
 /* BW_OK, or BW_E_CANCELLED once cancellation was asked for. Cheap: call it in every outer loop. */
 bw_status bw_poll(bw_context *ctx);
+double bw_seconds_now(void); /* of a clock that never goes back; for durations and limits only */
 
 /* count * size zeroed bytes. NULL (error recorded as BW_E_MEMORY) if refused; count 0 gives a valid block. */
 void *bw_alloc(bw_context *ctx, size_t count, size_t size);

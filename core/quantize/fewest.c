@@ -3,8 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "solve/frontier.h"
 #include "solve/program.h"
 
 /* A changed bound of a column, and the node it was changed from. */
@@ -28,39 +28,17 @@ typedef struct {
     double fewest;       /* hexes of best */
     node *nodes;
     size_t node_count, node_room;
-    int32_t *heap;
-    size_t heap_count, heap_room;
+    bw_frontier waiting;
     int *column;         /* scratch */
     double *factor;
     double deadline;
     uint64_t looked, relaxations;
 } search;
 
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static const bw_quant_model *model_of(const search *s) { return s->p->model; }
 static size_t extent_column(const search *s, size_t extent) { return model_of(s)->class_count + extent; }
 
 /* ---- building the program ---- */
-
-typedef struct {
-    const bw_quant_model *m;
-    size_t at;
-} extent_key;
-
-static int by_extent(const void *x, const void *y) {
-    const extent_key *p = x, *q = y;
-    const bw_quant_model *m = p->m;
-    size_t a = m->extent_begin[p->at], b = m->extent_begin[q->at];
-    size_t n = m->extent_begin[p->at + 1] - a, k = m->extent_begin[q->at + 1] - b;
-    if (n != k) return n < k ? -1 : 1;
-    int order = n ? memcmp(m->extent + a, m->extent + b, n * sizeof *m->extent) : 0;
-    return order ? order : 0;
-}
 
 static bw_status add_extent_row(search *s, size_t at) {
     const bw_quant_model *m = model_of(s);
@@ -71,21 +49,21 @@ static bw_status add_extent_row(search *s, size_t at) {
     return bw_program_add_row(s->ctx, s->program, n, s->column, s->factor, 0, 0);
 }
 
-/* Numbers the distinct extents; their columns first, then their rows. */
-static bw_status add_extents(search *s, extent_key *list) {
+/* A column for each distinct extent, then the rows that tie them to the classes. */
+static bw_status add_extents(search *s) {
     const bw_quant_model *m = model_of(s);
-    size_t n = 3 * m->block_count;
-    for (size_t i = 0; i < n; i++) list[i] = (extent_key){m, i};
-    qsort(list, n, sizeof *list, by_extent);
-    for (size_t i = 0; i < n; i++) {
-        bool first = !i || by_extent(&list[i - 1], &list[i]);
-        if (first && bw_program_add_column(s->ctx, s->program, 0, s->fewest, 0, true)) return s->ctx->error.status;
-        s->extent_count += first;
-        s->extent_of[list[i].at] = (int32_t)s->extent_count - 1;
+    size_t n = 3 * m->block_count, tied = 0;
+    if (bw_quant_model_number_extents(s->ctx, m, s->extent_of, &s->extent_count)) return s->ctx->error.status;
+    for (size_t e = 0; e < s->extent_count; e++)
+        if (bw_program_add_column(s->ctx, s->program, 0, s->fewest, 0, true)) return s->ctx->error.status;
+    uint8_t *done = bw_alloc(s->ctx, s->extent_count, 1);
+    for (size_t at = 0; at < n && done && tied < s->extent_count; at++) {
+        if (done[s->extent_of[at]]) continue;
+        done[s->extent_of[at]] = 1, tied++;
+        if (add_extent_row(s, at)) break;
     }
-    for (size_t i = 0; i < n; i++)
-        if ((!i || by_extent(&list[i - 1], &list[i])) && add_extent_row(s, list[i].at)) return s->ctx->error.status;
-    return BW_OK;
+    bw_free(s->ctx, done);
+    return s->ctx->error.status;
 }
 
 static bw_status add_equalities(search *s) {
@@ -119,9 +97,7 @@ static bw_status open_program(search *s) {
         int64_t least = bw_quant_problem_least(s->p, c);
         status = bw_program_add_column(s->ctx, s->program, least == INT64_MIN ? -BW_PROGRAM_INFINITY : (double)least, BW_PROGRAM_INFINITY, 0, true);
     }
-    extent_key *list = bw_alloc(s->ctx, 3 * m->block_count, sizeof *list);
-    if (status == BW_OK) status = list ? add_extents(s, list) : s->ctx->error.status;
-    bw_free(s->ctx, list);
+    if (status == BW_OK) status = add_extents(s);
     if (status == BW_OK) status = add_equalities(s);
     if (status == BW_OK) status = add_constraints(s);
     return status;
@@ -141,9 +117,11 @@ static bw_status offer(search *s, const int64_t *value) {
 }
 
 /* Moves that take hexes away, as long as there are any. */
-static bw_status descend(search *s, const bw_quant_moves *moves) {
+static bw_status descend(search *s, const bw_quant_moves *moves, bool limited) {
     size_t n = model_of(s)->class_count;
     for (size_t k = 0, quiet = 0; quiet < 2 * moves->count; k++, quiet++) {
+        if (bw_poll(s->ctx)) return s->ctx->error.status;
+        if (limited && bw_seconds_now() > s->deadline) break;
         size_t move = k / 2 % moves->count;
         int sign = k & 1 ? 1 : -1;
         double before = s->fewest;
@@ -208,33 +186,10 @@ static bool choose(const search *s, const double *x, size_t *column, double *at)
     return found;
 }
 
-/* Waiting nodes: a heap, lowest bound first, then the youngest. */
-static bool before(const search *s, int32_t a, int32_t b) {
-    double x = s->nodes[a].bound, y = s->nodes[b].bound;
-    return x < y || (x == y && a > b);
-}
-
-static int32_t pop(search *s) {
-    int32_t top = s->heap[0], last = s->heap[--s->heap_count];
-    size_t i = 0;
-    for (size_t child; (child = 2 * i + 1) < s->heap_count; i = child) {
-        if (child + 1 < s->heap_count && before(s, s->heap[child + 1], s->heap[child])) child++;
-        if (!before(s, s->heap[child], last)) break;
-        s->heap[i] = s->heap[child];
-    }
-    s->heap[i] = last;
-    return top;
-}
-
 static bw_status push(search *s, int32_t parent, size_t column, double lower, double upper, double bound) {
     if (bw_reserve(s->ctx, &s->nodes, &s->node_room, s->node_count + 1)) return s->ctx->error.status;
-    if (bw_reserve(s->ctx, &s->heap, &s->heap_room, s->heap_count + 1)) return s->ctx->error.status;
     s->nodes[s->node_count] = (node){parent, (int32_t)column, lower, upper, bound};
-    int32_t n = (int32_t)s->node_count++;
-    size_t i = s->heap_count++;
-    for (; i && before(s, n, s->heap[(i - 1) / 2]); i = (i - 1) / 2) s->heap[i] = s->heap[(i - 1) / 2];
-    s->heap[i] = n;
-    return BW_OK;
+    return bw_frontier_push(s->ctx, &s->waiting, (int32_t)s->node_count++, bound);
 }
 
 static bw_status branch(search *s, int32_t n, const double *x, double bound) {
@@ -273,7 +228,7 @@ static bw_status look(search *s, int32_t n) {
         if (bound >= s->fewest) return BW_OK;
         if (add_constraints(s)) return s->ctx->error.status;
         if (s->rows == rows) return branch(s, n, x, bound);
-        if (seconds_now() > s->deadline) return push(s, n, 0, -BW_PROGRAM_INFINITY, BW_PROGRAM_INFINITY, bound); /* left over */
+        if (bw_seconds_now() > s->deadline) return push(s, n, 0, -BW_PROGRAM_INFINITY, BW_PROGRAM_INFINITY, bound); /* left over */
     }
 }
 
@@ -302,7 +257,7 @@ static void search_close(search *s) {
     bw_free(s->ctx, s->value);
     bw_free(s->ctx, s->unknown);
     bw_free(s->ctx, s->nodes);
-    bw_free(s->ctx, s->heap);
+    bw_frontier_clear(s->ctx, &s->waiting);
     bw_free(s->ctx, s->column);
     bw_free(s->ctx, s->factor);
 }
@@ -310,7 +265,7 @@ static void search_close(search *s) {
 /* The least that each extent can be alone, as its bound: the objective of the root is as good as these are. */
 static bw_status raise_bounds(search *s) {
     for (size_t c = 0; c < bw_program_columns(s->program); c++) bw_program_set_cost(s->program, c, 0);
-    for (size_t e = 0; e < s->extent_count; e++) {
+    for (size_t e = 0; e < s->extent_count && bw_seconds_now() <= s->deadline; e++) {
         size_t c = extent_column(s, e);
         bw_program_status status;
         double value;
@@ -329,34 +284,34 @@ static bw_status run(search *s, double *bound) {
     if (status == BW_OK) status = raise_bounds(s);
     for (size_t c = 0; status == BW_OK && c < bw_program_columns(s->program); c++) bw_program_get_bounds(s->program, c, &s->lower[c], &s->upper[c]);
     if (status == BW_OK) status = push(s, -1, 0, -BW_PROGRAM_INFINITY, BW_PROGRAM_INFINITY, 0);
-    while (status == BW_OK && s->heap_count && seconds_now() <= s->deadline) {
-        int32_t n = pop(s);
+    while (status == BW_OK && s->waiting.count && bw_seconds_now() <= s->deadline) {
+        int32_t n = bw_frontier_pop(&s->waiting);
         if (s->nodes[n].bound >= s->fewest) continue;
         s->looked++;
         status = look(s, n);
     }
     *bound = s->fewest;
-    if (s->heap_count) *bound = fmin(*bound, s->nodes[s->heap[0]].bound);
+    if (s->waiting.count) *bound = fmin(*bound, s->waiting.item[0].bound);
     return status;
 }
 
 bw_status bw_quant_fewest(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle,
                           double seconds, int64_t *value, bw_quant_result *result) {
-    double since = seconds_now(), separation = oracle->seconds;
+    double since = bw_seconds_now(), separation = oracle->seconds;
     uint64_t rounds = oracle->rounds;
     size_t rows = p->rows.count;
     search s = {.ctx = ctx, .p = p, .oracle = oracle, .best = value, .deadline = since + seconds};
     s.fewest = (double)bw_quant_model_hexes(p->model, value);
     *result = (bw_quant_result){.status = BW_QUANT_HEURISTIC};
     bw_status status = search_open(&s);
-    if (status == BW_OK && moves->count) status = descend(&s, moves);
+    if (status == BW_OK && moves->count) status = descend(&s, moves, seconds > 0);
     result->heuristic = s.fewest;
     if (status == BW_OK && seconds > 0) status = run(&s, &result->bound);
     result->objective = s.fewest;
     if (seconds > 0) result->status = result->bound >= s.fewest ? BW_QUANT_OPTIMAL : BW_QUANT_GAP;
     result->nodes = s.looked, result->relaxations = s.relaxations;
     result->rounds = oracle->rounds - rounds, result->rows = p->rows.count - rows;
-    result->seconds = seconds_now() - since;
+    result->seconds = bw_seconds_now() - since;
     result->seconds_separation = oracle->seconds - separation;
     search_close(&s);
     return status;

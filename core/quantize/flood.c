@@ -361,6 +361,7 @@ bw_status bw_flood_run(bw_flood *f, bw_critical_cell seed, bw_meeting_kind kind)
     bw_status status = add_state(f, &first);
     for (size_t i = 0; i < f->state_count && status == BW_OK; i++) {
         if (f->meeting_count && f->state[i].level > f->state[f->meeting[0].state].level) break;
+        if (i % 256 == 255 && bw_poll(f->ctx)) break;
         status = in_region ? spread_in_region(f, (int32_t)i) : spread(f, (int32_t)i);
     }
     for (size_t i = 0; i < f->state_count; i++) f->last[f->state[i].home] = BW_NONE;

@@ -130,11 +130,13 @@ static bw_status make_forms(build *b) {
             for (int32_t j = 0; j < b->form_size[t.unknown]; j++) {
                 bw_quant_term f = b->form[b->form_at[t.unknown] + (size_t)j];
                 if (!is_touched[f.index]) is_touched[f.index] = 1, touched[n++] = f.index;
-                sum[f.index] += t.factor * f.factor;
+                int64_t add;
+                if (__builtin_mul_overflow(t.factor, (int64_t)f.factor, &add) || __builtin_add_overflow(sum[f.index], add, &sum[f.index]))
+                    status = bw_fail(b->ctx, BW_E_RANGE, "factors of the quantization exceed the range");
             }
         }
         for (size_t i = 0; i < n; i++) is_touched[touched[i]] = 0;
-        status = store_form(b, s->unknown, sum, touched, n, &used);
+        if (status == BW_OK) status = store_form(b, s->unknown, sum, touched, n, &used);
     }
     bw_free(b->ctx, sum);
     bw_free(b->ctx, touched);
@@ -199,10 +201,10 @@ static bw_status find_values(build *b) {
     for (size_t k = 0; k < b->gone.step_count; k++) {
         const bw_eliminate_step *s = &b->gone.step[k];
         if (s->begin == s->end || (size_t)b->gone.term[s->end - 1].unknown != known || known == n) continue;
-        b->value[known] = b->value[s->unknown];
+        __int128 rest = b->value[s->unknown];
         for (size_t i = s->begin; i + 1 < s->end; i++)
-            b->value[known] -= b->gone.term[i].factor * b->value[b->gone.term[i].unknown];
-        known++;
+            rest -= (__int128)b->gone.term[i].factor * b->value[b->gone.term[i].unknown];
+        b->value[known++] = (int64_t)rest;
     }
     return BW_OK;
 }
@@ -340,9 +342,9 @@ void bw_quant_model_clear(bw_context *ctx, bw_quant_model *m) {
 /* ---- use ---- */
 
 static int64_t evaluate(const bw_quant_term *term, size_t begin, size_t end, const int64_t *value) {
-    int64_t sum = 0;
-    for (size_t i = begin; i < end; i++) sum += term[i].factor * value[term[i].index];
-    return sum;
+    __int128 sum = 0; /* of terms that may be larger than what they add up to */
+    for (size_t i = begin; i < end; i++) sum += (__int128)term[i].factor * value[term[i].index];
+    return (int64_t)sum;
 }
 
 void bw_quant_model_expand(const bw_quant_model *m, const int64_t *unknown, int64_t *class_value) {
@@ -359,14 +361,16 @@ int64_t bw_quant_model_extent(const bw_quant_model *m, size_t block, int axis, c
     return evaluate(m->extent, m->extent_begin[e], m->extent_begin[e + 1], class_value);
 }
 
+static int64_t saturate(__int128 x) { return x > INT64_MAX ? INT64_MAX : x < INT64_MIN ? INT64_MIN : (int64_t)x; }
+
 int64_t bw_quant_model_hexes(const bw_quant_model *m, const int64_t *class_value) {
-    int64_t sum = 0;
+    __int128 sum = 0;
     for (size_t b = 0; b < m->block_count; b++) {
         int64_t volume = 1;
-        for (int axis = 0; axis < 3; axis++) volume *= bw_quant_model_extent(m, b, axis, class_value);
+        for (int axis = 0; axis < 3; axis++) volume = saturate((__int128)volume * bw_quant_model_extent(m, b, axis, class_value));
         sum += volume;
     }
-    return sum;
+    return saturate(sum);
 }
 
 bw_status bw_quant_model_constraint(bw_context *ctx, const bw_quant_model *m, const bw_constraint_list *list, size_t c,
@@ -409,16 +413,30 @@ static bw_status add_extent(bw_context *ctx, const bw_quant_model *m, size_t e, 
     return status;
 }
 
-bw_status bw_quant_model_extents(bw_context *ctx, const bw_quant_model *m, bw_constraint_list *out) {
+bw_status bw_quant_model_number_extents(bw_context *ctx, const bw_quant_model *m, int32_t *number, size_t *count) {
     size_t n = 3 * m->block_count;
     extent_key *list = bw_alloc(ctx, n, sizeof *list);
     if (!list) return ctx->error.status;
     for (size_t e = 0; e < n; e++) list[e] = (extent_key){m, e};
     qsort(list, n, sizeof *list, by_extent);
-    bw_status status = BW_OK;
-    for (size_t i = 0; i < n && status == BW_OK; i++)
-        if (!i || by_extent(&list[i - 1], &list[i])) status = add_extent(ctx, m, list[i].extent, out);
+    *count = 0;
+    for (size_t i = 0; i < n; i++) {
+        *count += !i || by_extent(&list[i - 1], &list[i]);
+        number[list[i].extent] = (int32_t)*count - 1;
+    }
     bw_free(ctx, list);
+    return BW_OK;
+}
+
+bw_status bw_quant_model_extents(bw_context *ctx, const bw_quant_model *m, bw_constraint_list *out) {
+    size_t n = 3 * m->block_count, count = 0;
+    int32_t *number = bw_alloc(ctx, n, sizeof *number);
+    size_t *first = bw_alloc(ctx, n, sizeof *first);
+    bw_status status = number && first ? bw_quant_model_number_extents(ctx, m, number, &count) : ctx->error.status;
+    for (size_t e = n; e-- > 0 && status == BW_OK;) first[number[e]] = e;
+    for (size_t i = 0; i < count && status == BW_OK; i++) status = add_extent(ctx, m, first[i], out);
+    bw_free(ctx, number);
+    bw_free(ctx, first);
     return status;
 }
 

@@ -49,12 +49,14 @@ void bw_quant_model_expand(const bw_quant_model *model, const int64_t *unknown, 
 /* length[arc] from class_value[class]. */
 void bw_quant_model_lengths(const bw_quant_model *model, const int64_t *class_value, int64_t *length);
 int64_t bw_quant_model_extent(const bw_quant_model *model, size_t block, int axis, const int64_t *class_value);
-/* Number of hexes: the sum of the volumes of the blocks. */
+/* Number of hexes: the sum of the volumes of the blocks; INT64_MAX where it, or a block's, is larger than that. */
 int64_t bw_quant_model_hexes(const bw_quant_model *model, const int64_t *class_value);
 
 /* Appends constraint c of `list`, which is on arcs, to `out`, which is on classes (its term[].arc is a class). */
 bw_status bw_quant_model_constraint(bw_context *ctx, const bw_quant_model *model, const bw_constraint_list *list, size_t c,
                               bw_constraint_list *out);
+/* number[3 * block + axis]: extents that are equal in every quantization share a number below *count. */
+bw_status bw_quant_model_number_extents(bw_context *ctx, const bw_quant_model *model, int32_t *number, size_t *count);
 /* Appends the non-negative extents of all blocks (Q 8) on classes, equal ones once, those with a single class too. */
 bw_status bw_quant_model_extents(bw_context *ctx, const bw_quant_model *model, bw_constraint_list *out);
 

@@ -2,13 +2,6 @@
 
 #include <math.h>
 #include <string.h>
-#include <time.h>
-
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 bw_status bw_quant_problem_init(bw_context *ctx, const bw_quant_model *model, bw_quantize_range range, bw_quant_problem *p) {
     *p = (bw_quant_problem){.model = model, .range = range};
@@ -76,7 +69,7 @@ bool bw_quant_problem_allows(const bw_quant_problem *p, const int64_t *value) {
 bw_status bw_quant_problem_separate(bw_context *ctx, bw_quant_problem *p, bw_quant_oracle *oracle, const int64_t *value, bool *valid) {
     *valid = true;
     if (!oracle->separate) return BW_OK;
-    double since = seconds_now();
+    double since = bw_seconds_now();
     bw_constraint_list violated = {0};
     size_t added = 0;
     bw_quant_model_lengths(p->model, value, p->length);
@@ -90,7 +83,7 @@ bw_status bw_quant_problem_separate(bw_context *ctx, bw_quant_problem *p, bw_qua
     }
     bw_constraint_clear(ctx, &violated);
     oracle->calls++, oracle->rounds += !*valid;
-    oracle->seconds += seconds_now() - since;
+    oracle->seconds += bw_seconds_now() - since;
     return status;
 }
 

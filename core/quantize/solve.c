@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "solve/program.h"
 
@@ -218,12 +217,6 @@ static void search_close(search *s) {
     bw_free(s->ctx, s->factor);
 }
 
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 /* Objectives of integer targets are integers. */
 static double objective_step(const bw_quant_problem *p) {
     for (size_t c = 0; c < p->model->class_count; c++)
@@ -249,7 +242,7 @@ static bw_status branch(bw_context *ctx, bw_quant_problem *p, bw_quant_oracle *o
 
 bw_status bw_quant_solve(bw_context *ctx, bw_quant_problem *p, const bw_quant_moves *moves, bw_quant_oracle *oracle,
                          double seconds, const int64_t *start, int64_t *value, bw_quant_result *result) {
-    double since = seconds_now();
+    double since = bw_seconds_now();
     size_t rows = p->rows.count;
     uint64_t rounds = oracle->rounds;
     double separation = oracle->seconds;
@@ -269,7 +262,7 @@ bw_status bw_quant_solve(bw_context *ctx, bw_quant_problem *p, const bw_quant_mo
     if (result->status == BW_QUANT_OPTIMAL || result->bound > result->objective) result->bound = result->objective;
     result->rounds = oracle->rounds - rounds;
     result->rows = p->rows.count - rows;
-    result->seconds = seconds_now() - since;
+    result->seconds = bw_seconds_now() - since;
     result->seconds_separation = oracle->seconds - separation;
     return status;
 }

@@ -1,12 +1,12 @@
 /* Branch and cut on the relaxations of program.c. See program.h.
  *
- * A node is one changed bound and its parent; its program is reached by setting the bounds on the way from the root. Nodes wait in a heap, lowest bound
- * first, then the youngest; from a node taken out the search dives: of two children one is gone on with, from the basis that is there, the other waits.
+ * A node is one changed bound and its parent; its program is reached by setting the bounds on the way from the root. Nodes wait (frontier.h); from a node
+ * taken out the search dives: of two children one is gone on with, from the basis that is there, the other waits.
  */
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
+#include "solve/frontier.h"
 #include "solve/program.h"
 
 typedef struct {
@@ -29,8 +29,7 @@ typedef struct {
     bw_branch_result *result;
     node *nodes;
     size_t node_count, node_room;
-    int32_t *heap;
-    size_t heap_count, heap_room;
+    bw_frontier waiting;
     double *lower, *upper; /* of all columns at the root */
     pseudo_cost *gain;
     double *trial;         /* solution kept while children are tried */
@@ -40,39 +39,6 @@ typedef struct {
 } search;
 
 enum { TRIALS = 8, TRIAL_STEPS = 30, RELIABLE = 2, LOOKS = 200 };
-
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-/* ---- waiting nodes ---- */
-
-static bool before(const search *s, int32_t a, int32_t b) {
-    const node *x = &s->nodes[a], *y = &s->nodes[b];
-    return x->bound < y->bound || (x->bound == y->bound && a > b);
-}
-
-static bw_status heap_push(search *s, int32_t n) {
-    if (bw_reserve(s->ctx, &s->heap, &s->heap_room, s->heap_count + 1)) return s->ctx->error.status;
-    size_t i = s->heap_count++;
-    for (; i && before(s, n, s->heap[(i - 1) / 2]); i = (i - 1) / 2) s->heap[i] = s->heap[(i - 1) / 2];
-    s->heap[i] = n;
-    return BW_OK;
-}
-
-static int32_t heap_pop(search *s) {
-    int32_t top = s->heap[0], last = s->heap[--s->heap_count];
-    size_t i = 0;
-    for (size_t child; (child = 2 * i + 1) < s->heap_count; i = child) {
-        if (child + 1 < s->heap_count && before(s, s->heap[child + 1], s->heap[child])) child++;
-        if (!before(s, s->heap[child], last)) break;
-        s->heap[i] = s->heap[child];
-    }
-    s->heap[i] = last;
-    return top;
-}
 
 /* The smallest value that is not worth looking at. */
 static double limit(const search *s) {
@@ -94,10 +60,15 @@ static void set_path(search *s, int32_t n) {
     }
 }
 
+/* Whether a column ought to be an integer and is not. */
+static bool is_broken(const search *s, const double *x, size_t c) {
+    return bw_program_is_integer(s->program, c) && fabs(x[c] - round(x[c])) > BW_PROGRAM_EPSILON;
+}
+
 static bool is_integral(const search *s, const double *x) {
     size_t columns = bw_program_columns(s->program);
     for (size_t c = 0; c < columns; c++)
-        if (bw_program_is_integer(s->program, c) && fabs(x[c] - round(x[c])) > BW_PROGRAM_EPSILON) return false;
+        if (is_broken(s, x, c)) return false;
     return true;
 }
 
@@ -125,7 +96,7 @@ static bw_status settle(search *s, double *value, bool *open) {
         if (!grew && integral) return BW_OK;
         bool stalls = looks >= 5 && *value < last + 1e-4 * fabs(last); /* rather branch than add what changes little */
         if (!integral && (!grew || looks >= LOOKS || stalls)) break;
-        if (seconds_now() - s->start > s->how->seconds) break;
+        if (bw_seconds_now() - s->start > s->how->seconds) break;
         last = *value;
     }
     *open = *value < limit(s);
@@ -172,7 +143,7 @@ static size_t candidates(const search *s, const double *x, choice *list) {
     size_t n = 0, columns = bw_program_columns(s->program);
     for (size_t c = 0; c < columns; c++) {
         double f = fraction(x[c]);
-        if (!bw_program_is_integer(s->program, c) || f < BW_PROGRAM_EPSILON || f > 1 - BW_PROGRAM_EPSILON) continue;
+        if (!is_broken(s, x, c)) continue;
         choice k = {c, 0, {f * mean_gain(s, c, 0), (1 - f) * mean_gain(s, c, 1)}};
         k.score = score(k.gain[0], k.gain[1]);
         size_t i = n < TRIALS ? n++ : TRIALS;
@@ -218,7 +189,7 @@ static bw_status make_wait(search *s, int32_t n) {
     x->basis = bw_alloc(s->ctx, x->basis_size, 1);
     if (!x->basis) return s->ctx->error.status;
     memcpy(x->basis, s->basis, x->basis_size);
-    return heap_push(s, n);
+    return bw_frontier_push(s->ctx, &s->waiting, n, x->bound);
 }
 
 /* Splits node n, whose relaxation has just been solved. *next: the child to go on with, -1 if both are empty. */
@@ -243,7 +214,7 @@ static bw_status split(search *s, int32_t n, double value, int32_t *next) {
 }
 
 static bool out_of_time(const search *s) {
-    return s->result->nodes >= s->how->node_limit || seconds_now() - s->start > s->how->seconds;
+    return s->result->nodes >= s->how->node_limit || bw_seconds_now() - s->start > s->how->seconds;
 }
 
 /* Dives from node n, whose bounds and basis are set, until there is nothing left below. *unfinished: the bound of what was left over for lack of time. */
@@ -287,8 +258,8 @@ static bw_status run(search *s, double *unfinished) {
     int32_t root;
     if (add_node(s, -1, 0, 0, 0, -BW_PROGRAM_INFINITY, &root)) return s->ctx->error.status;
     if (dive(s, root, unfinished)) return s->ctx->error.status;
-    while (s->heap_count && !out_of_time(s)) {
-        int32_t n = heap_pop(s);
+    while (s->waiting.count && !out_of_time(s)) {
+        int32_t n = bw_frontier_pop(&s->waiting);
         node *x = &s->nodes[n];
         if (x->bound < limit(s)) {
             set_path(s, n);
@@ -306,7 +277,7 @@ static bw_status run(search *s, double *unfinished) {
 
 static void close_search(search *s, double unfinished) {
     bw_branch_result *r = s->result;
-    for (size_t i = 0; i < s->heap_count; i++) unfinished = fmin(unfinished, s->nodes[s->heap[i]].bound);
+    if (s->waiting.count) unfinished = fmin(unfinished, s->waiting.item[0].bound);
     r->cutoff = s->cutoff;
     r->exhausted = unfinished >= limit(s);
     r->bound = r->exhausted ? s->cutoff : fmin(unfinished, s->cutoff);
@@ -314,7 +285,7 @@ static void close_search(search *s, double unfinished) {
     size_t columns = bw_program_columns(s->program);
     for (size_t c = 0; s->lower && s->upper && c < columns; c++) bw_program_set_bounds(s->program, c, s->lower[c], s->upper[c]);
     bw_free(s->ctx, s->nodes);
-    bw_free(s->ctx, s->heap);
+    bw_frontier_clear(s->ctx, &s->waiting);
     bw_free(s->ctx, s->lower);
     bw_free(s->ctx, s->upper);
     bw_free(s->ctx, s->gain);
@@ -323,7 +294,7 @@ static void close_search(search *s, double unfinished) {
 }
 
 bw_status bw_program_branch(bw_context *ctx, bw_program *program, const bw_branch_options *how, bw_branch_result *result) {
-    search s = {.ctx = ctx, .program = program, .how = how, .result = result, .cutoff = how->cutoff, .start = seconds_now()};
+    search s = {.ctx = ctx, .program = program, .how = how, .result = result, .cutoff = how->cutoff, .start = bw_seconds_now()};
     size_t columns = bw_program_columns(program);
     double unfinished = BW_PROGRAM_INFINITY;
     *result = (bw_branch_result){.cutoff = how->cutoff};
