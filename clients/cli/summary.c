@@ -89,7 +89,8 @@ static void quantization(const json_t *q) {
         printf(", %s %.0f hexes", json_is_true(json_object_get(q, "target_met")) ? "near" : "as near as found to", number(q, "target_hexes"));
     const char *goal = json_string_value(json_object_get(q, "goal"));
     if (goal && !strcmp(goal, "hexes")) printf(", as few hexes as there can be");
-    if (json_is_false(json_object_get(q, "verified"))) printf(", not verified");
+    const char *fallback = json_string_value(json_object_get(q, "fallback"));
+    if (fallback && strcmp(fallback, "none")) printf(", given up for %s ones by the check", cli_safe(text, sizeof text, fallback));
     printf("\n%-15s %8s %10s %12s %12s %7s %9s %11s  %s\n", "", "scale", "hexes", "objective", "bound", "zeros", "negatives", "distortion", "status");
     size_t index;
     json_t *row;

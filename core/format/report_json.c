@@ -100,6 +100,7 @@ static const field fields[] = {
     REDUCED(COUNT, patches_removed),
     REDUCED(COUNT, blocks_farthest_first),
     QUANT(TEXT, range),
+    QUANT(TEXT, fallback),
     QUANT(TEXT, goal),
     QUANT(TEXT, status),
     QUANT(NUMBER, scale),
@@ -278,10 +279,10 @@ static json_t *sweep_to_json(const bw_report *report) {
     json_t *list = json_array();
     for (size_t i = 0; i < report->sweep_count; i++) {
         const bw_report_sweep *r = &report->sweep[i];
-        json_array_append_new(list, json_pack("{s:f, s:I, s:f, s:f, s:f, s:I, s:I, s:s, s:f}", "scale", r->scale, "hexes", (json_int_t)r->hexes,
+        json_array_append_new(list, json_pack("{s:f, s:I, s:f, s:f, s:f, s:I, s:I, s:s, s:s, s:f}", "scale", r->scale, "hexes", (json_int_t)r->hexes,
                                               "objective", r->objective, "bound", r->bound, "distortion", r->distortion,
                                               "zero_arcs", (json_int_t)r->zero_arcs, "negative_arcs", (json_int_t)r->negative_arcs,
-                                              "status", r->status, "seconds", r->seconds));
+                                              "status", r->status, "fallback", r->fallback, "seconds", r->seconds));
     }
     return list;
 }
@@ -455,13 +456,14 @@ static bool sweep_from_json(const json_t *list, bw_report *report) {
     for (size_t i = 0; i < json_array_size(list); i++) {
         bw_report_sweep *r = &report->sweep[i];
         json_int_t hexes, zero, negative;
-        const char *status;
-        if (json_unpack(json_array_get(list, i), "{s:F, s:I, s:F, s:F, s:F, s:I, s:I, s:s, s:F}", "scale", &r->scale, "hexes", &hexes,
+        const char *status, *fallback;
+        if (json_unpack(json_array_get(list, i), "{s:F, s:I, s:F, s:F, s:F, s:I, s:I, s:s, s:s, s:F}", "scale", &r->scale, "hexes", &hexes,
                         "objective", &r->objective, "bound", &r->bound, "distortion", &r->distortion, "zero_arcs", &zero,
-                        "negative_arcs", &negative, "status", &status, "seconds", &r->seconds))
+                        "negative_arcs", &negative, "status", &status, "fallback", &fallback, "seconds", &r->seconds))
             return false;
         r->hexes = (uint64_t)hexes, r->zero_arcs = (uint64_t)zero, r->negative_arcs = (uint64_t)negative;
         snprintf(r->status, sizeof r->status, "%s", status);
+        snprintf(r->fallback, sizeof r->fallback, "%s", fallback);
     }
     report->sweep_count = json_array_size(list);
     return true;

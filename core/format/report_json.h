@@ -43,7 +43,8 @@ typedef struct {
 
 /* The integer lengths that were found. Objective: sum over arcs of (length - scale * input length)^2. */
 typedef struct {
-    char range[16];  /* "positive", "nonnegative", "any" */
+    char range[16];  /* asked for: "positive", "nonnegative", "any" */
+    char fallback[16]; /* the narrower range that the lengths are from, for the check refused those of wider ones or they were too large for it; or "none" */
     char goal[16];   /* "lengths", or "hexes": then objective, bound and heuristic are numbers of hexes */
     char status[16]; /* "optimal": nothing that satisfies the constraints (Q 5.3) is better; "gap": it may be better by `gap`; "heuristic": not searched */
     double scale;    /* 0: the coarsest */
@@ -56,7 +57,7 @@ typedef struct {
     uint64_t arcs, classes, free_integers; /* classes: arcs that are always equally long count once */
     uint64_t rounds, constraints, nodes;   /* rounds: times that validity was found broken; constraints: learnt from that; nodes: of the search */
     double seconds, seconds_setup, seconds_separation, seconds_solver, seconds_check;
-    bool verified; /* this result and those of the sweep are valid by contraction too (quantize/verify.h); false only where that was too large to do */
+    bool verified; /* this result and those of the sweep are valid by contraction too (quantize/verify.h) */
     bw_report_rounding rounding;
 } bw_report_quantization;
 
@@ -64,7 +65,7 @@ typedef struct {
 typedef struct {
     double scale, objective, bound, distortion;
     uint64_t hexes, zero_arcs, negative_arcs;
-    char status[16];
+    char status[16], fallback[16];
     double seconds;
 } bw_report_sweep;
 

@@ -2,17 +2,11 @@
 
 #include <math.h>
 #include <string.h>
-#include <time.h>
 
 #include "quantize/fewest.h"
 
 enum { BISECTIONS = 40 };
-
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
+#define LENGTH_MAX ldexp(1, 40)
 
 bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t grid_exponent, bw_quantize_range range,
                             const bw_quant_oracle *oracle, bw_quantizer *q) {
@@ -23,9 +17,12 @@ bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t 
         status = bw_quant_problem_init(ctx, &q->model, (bw_quantize_range)r, &q->level[q->levels++]);
     if (status == BW_OK && !(q->value = bw_alloc(ctx, q->model.class_count, sizeof *q->value))) status = ctx->error.status;
     if (status == BW_OK && !(q->best = bw_alloc(ctx, q->model.class_count, sizeof *q->best))) status = ctx->error.status;
+    bw_quantizer_use(q, range);
     if (status != BW_OK) bw_quantizer_close(ctx, q);
     return status;
 }
+
+void bw_quantizer_use(bw_quantizer *q, bw_quantize_range range) { q->used = (size_t)(range - BW_QUANTIZE_POSITIVE) + 1; }
 
 void bw_quantizer_close(bw_context *ctx, bw_quantizer *q) {
     bw_free(ctx, q->value);
@@ -45,10 +42,18 @@ static void add_work(bw_quant_result *to, const bw_quant_result *from) {
     to->seconds += from->seconds, to->seconds_separation += from->seconds_separation;
 }
 
+/* The scale at which the longest class is LENGTH_MAX. */
+static double scale_limit(const bw_quantizer *q) {
+    double longest = 0;
+    for (size_t c = 0; c < q->model.class_count; c++) longest = fmax(longest, fabs((double)q->model.class_length[c]) / q->model.unit);
+    return LENGTH_MAX / longest;
+}
+
 bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, double seconds, bw_quant_result *result) {
     bw_quant_result before = {0};
     bw_quant_oracle none = {0};
-    for (size_t k = 0; k < q->levels; k++) {
+    if (scale > scale_limit(q)) return bw_fail(ctx, BW_E_RANGE, "at scale %g arcs would be longer than 2^40", scale);
+    for (size_t k = 0; k < q->used; k++) {
         double left = fmax(seconds - before.seconds, 0);
         bw_quant_problem_set_scale(&q->level[k], scale);
         if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, result))
@@ -62,7 +67,7 @@ bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, dou
 bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result) {
     bw_quant_result before = {0};
     bw_quant_oracle none = {0};
-    for (size_t k = 0; k < q->levels; k++) {
+    for (size_t k = 0; k < q->used; k++) {
         bw_quant_result coarsest;
         double left = fmax(seconds - before.seconds, 0);
         bw_quant_problem_set_scale(&q->level[k], 0);
@@ -102,7 +107,7 @@ static double volume_of_input(const bw_quantizer *q) {
 
 static bw_status try_scale(aim *a, double scale, double *hexes) {
     bw_quant_result result;
-    double left = fmax(a->deadline - seconds_now(), 0);
+    double left = fmax(a->deadline - bw_seconds_now(), 0);
     if (bw_quantizer_solve(a->ctx, a->q, scale, left, &result)) return a->ctx->error.status;
     *hexes = (double)bw_quant_model_hexes(&a->q->model, a->q->value);
     if (fabs(*hexes - a->target) < fabs(a->nearest - a->target)) {
@@ -117,7 +122,7 @@ static bool is_near(const aim *a) { return fabs(a->nearest - a->target) <= 0.01 
 /* low has too few hexes, high enough. */
 static bw_status bisect(aim *a, double low, double high) {
     double hexes;
-    for (int i = 0; i < BISECTIONS && !is_near(a) && seconds_now() < a->deadline && high - low > 1e-9 * high; i++) {
+    for (int i = 0; i < BISECTIONS && !is_near(a) && bw_seconds_now() < a->deadline && high - low > 1e-9 * high; i++) {
         double middle = low > 0 ? sqrt(low * high) : high / 2;
         if (try_scale(a, middle, &hexes)) return a->ctx->error.status;
         if (hexes < a->target) low = middle;
@@ -127,10 +132,10 @@ static bw_status bisect(aim *a, double low, double high) {
 }
 
 static bw_status find_scale(aim *a) {
-    double hexes, guess = cbrt(a->target / volume_of_input(a->q)), low = 0;
+    double hexes, most = scale_limit(a->q), guess = fmin(cbrt(a->target / volume_of_input(a->q)), most), low = 0;
     if (try_scale(a, 0, &hexes)) return a->ctx->error.status;
     if (hexes >= a->target) return BW_OK; /* even the coarsest has as many */
-    for (double high = guess; !is_near(a) && seconds_now() < a->deadline; high *= 1.5) {
+    for (double high = guess; high <= most && !is_near(a) && bw_seconds_now() < a->deadline; high *= 1.5) {
         if (try_scale(a, high, &hexes)) return a->ctx->error.status;
         if (hexes >= a->target) return bisect(a, low, high);
         low = high;
@@ -159,7 +164,7 @@ static bw_status step_nearer(aim *a, bool *stepped) {
     bool valid;
     memcpy(q->value, q->best, n * sizeof *q->value);
     for (size_t i = m->begin[best_move]; i < m->begin[best_move + 1]; i++) q->value[m->term[i].index] += best_sign * m->term[i].factor;
-    if (bw_quant_problem_separate(a->ctx, p, oracle_of(q, q->levels - 1, &none), q->value, &valid)) return a->ctx->error.status;
+    if (bw_quant_problem_separate(a->ctx, p, oracle_of(q, q->used - 1, &none), q->value, &valid)) return a->ctx->error.status;
     *stepped = true; /* where it was invalid, what was learnt excludes it next time */
     if (!valid) return BW_OK;
     memcpy(q->best, q->value, n * sizeof *q->best);
@@ -171,17 +176,17 @@ static bw_status step_nearer(aim *a, bool *stepped) {
 }
 
 bw_status bw_quantizer_aim(bw_context *ctx, bw_quantizer *q, uint64_t hexes, double seconds, double *scale, bw_quant_result *result) {
-    double since = seconds_now();
+    double since = bw_seconds_now();
     aim a = {.ctx = ctx, .q = q, .target = (double)hexes, .deadline = since + seconds, .nearest = INFINITY};
     bw_status status = find_scale(&a);
     bool stepped = true;
-    while (status == BW_OK && stepped && fabs(a.nearest - a.target) > 0.05 * a.target && seconds_now() < a.deadline)
+    while (status == BW_OK && stepped && fabs(a.nearest - a.target) > 0.05 * a.target && bw_seconds_now() < a.deadline)
         status = step_nearer(&a, &stepped);
     if (status != BW_OK) return status;
     memcpy(q->value, q->best, q->model.class_count * sizeof *q->value);
     bw_quant_problem_set_scale(bw_quantizer_problem(q), a.scale);
     *scale = a.scale, *result = a.result;
-    result->seconds = seconds_now() - since;
+    result->seconds = bw_seconds_now() - since;
     return BW_OK;
 }
 

@@ -17,20 +17,23 @@ typedef struct {
     bw_quant_model model;
     bw_quant_moves moves;
     bw_quant_problem level[3]; /* the ranges from positive to the one wanted */
-    size_t levels;
+    size_t levels, used;       /* used: how many of them are solved now, the last of which is the answer's */
     bw_quant_oracle oracle;
     int64_t *value; /* [class] of the last answer */
     int64_t *best;  /* [class] scratch */
 } bw_quantizer;
 
-/* The problem in the range that is wanted. */
-static inline bw_quant_problem *bw_quantizer_problem(bw_quantizer *q) { return &q->level[q->levels - 1]; }
+/* The problem in the range that is solved now. */
+static inline bw_quant_problem *bw_quantizer_problem(bw_quantizer *q) { return &q->level[q->used - 1]; }
 
 bw_status bw_quantizer_open(bw_context *ctx, const bw_complex *complex, int32_t grid_exponent, bw_quantize_range range,
                             const bw_quant_oracle *oracle, bw_quantizer *q);
 void bw_quantizer_close(bw_context *ctx, bw_quantizer *q);
 
-/* The best quantization for a scale (0: the coarsest). Its lengths are q->value, on classes. */
+/* From now on answers are of this range, at most the one the quantizer was opened with. */
+void bw_quantizer_use(bw_quantizer *q, bw_quantize_range range);
+
+/* The best quantization for a scale (0: the coarsest). Its lengths are q->value, on classes. BW_E_RANGE if arcs would be longer than 2^40. */
 bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, double seconds, bw_quant_result *result);
 
 /* The scale whose best quantization comes nearest to `hexes` hexes, found by bisection: counts jump where lengths do, so there may be none very

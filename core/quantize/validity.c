@@ -28,8 +28,9 @@ struct bw_validity {
     bw_corridor corridor;
     int32_t *loose; /* 4 * patch + side: sides of patches that must not be negative */
     size_t loose_count;
+    unsigned left_out; /* bits of bw_rule */
     const int64_t *length; /* of the call */
-    bw_constraint_list *out;
+    bw_constraint_list *out, step; /* out: `step`, what one step of the call finds */
     bw_constraint_list separations; /* one for each encounter, and others that better ones replaced */
     bw_constraint_list collapsed;   /* loops that floods found */
     uint8_t *flat;    /* [block]: has an extent of 0, or an arc without positive length */
@@ -96,6 +97,7 @@ void bw_validity_free(bw_context *ctx, bw_validity *v) {
     bw_surface_clear(ctx, &v->surface);
     bw_constraint_clear(ctx, &v->separations);
     bw_constraint_clear(ctx, &v->collapsed);
+    bw_constraint_clear(ctx, &v->step);
     void *blocks[] = {v->loose, v->flat, v->touched, v->found, v->term, v->points, v->others, v};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
 }
@@ -418,20 +420,31 @@ static bw_status separate_loops(bw_validity *v) {
 
 /* ---- the order of Q 5.3.5 ---- */
 
+void bw_validity_leave_out(bw_validity *v, unsigned rules) { v->left_out = rules; }
+
+/* Takes one step and appends what it finds, but for rules left out. */
+static bw_status take_step(bw_validity *v, bw_status (*step)(bw_validity *), bw_constraint_list *violated) {
+    bw_constraint_clear(v->ctx, &v->step);
+    if (step(v)) return v->ctx->error.status;
+    for (size_t c = 0; c < v->step.count; c++)
+        if (!(v->left_out >> v->step.rule[c] & 1) && bw_constraint_copy(v->ctx, violated, &v->step, c)) return v->ctx->error.status;
+    return BW_OK;
+}
+
 bw_status bw_validity_separate(bw_validity *v, const int64_t *length, bw_constraint_list *violated) {
-    static bw_status (*const step[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links, separate_patches};
+    static bw_status (*const first[])(bw_validity *) = {separate_rectangles, separate_extents, separate_links, separate_patches};
     static bw_status (*const later[])(bw_validity *) = {separate_sides, separate_across, separate_nodes, separate_apart, separate_loops};
     size_t before = violated->count;
-    v->length = length, v->out = violated;
+    v->length = length, v->out = &v->step;
     v->figures.calls++;
     v->found_count = 0;
-    for (size_t i = 0; i < sizeof step / sizeof *step; i++)
-        if (step[i](v) || violated->count > before) return v->ctx->error.status;
+    for (size_t i = 0; i < sizeof first / sizeof *first; i++)
+        if (take_step(v, first[i], violated) || violated->count > before) return v->ctx->error.status;
     bw_flood_lay_out(&v->flood, length);
     if (!mark_flat(v)) return BW_OK;
     bw_constraint_clear(v->ctx, &v->separations);
     bw_constraint_clear(v->ctx, &v->collapsed);
     for (size_t i = 0; i < sizeof later / sizeof *later; i++)
-        if (later[i](v) || violated->count > before) return v->ctx->error.status;
+        if (take_step(v, later[i], violated) || violated->count > before) return v->ctx->error.status;
     return BW_OK;
 }

@@ -38,6 +38,8 @@ bw_status bw_validity_new(bw_context *ctx, const bw_cells *cells, const bw_compl
 /* Appends constraints that length[arc] breaks; if none is appended, the quantization is valid. The same lengths give the same constraints. */
 bw_status bw_validity_separate(bw_validity *validity, const int64_t *length, bw_constraint_list *violated);
 void bw_validity_free(bw_context *ctx, bw_validity *validity); /* NULL is fine */
+/* From now on constraints of some rules (bits 1 << bw_rule) are not asked for: to see what each of them is needed for. */
+void bw_validity_leave_out(bw_validity *validity, unsigned rules);
 
 typedef struct {
     size_t links, regions, nodes;                 /* critical entities */

@@ -99,7 +99,7 @@ static void print_row(const char *title, int range, const bw_report_quantization
     printf("%-32.32s %-11s %6.3g %5.0f %5.0f %8.3f %8.3f %8.3f %8.3f %8.3f %8.2f %8.0f %6.0f %6.0f  %s%s\n", title, range_names[range], q->scale,
            (double)q->arcs, (double)q->free_integers, 1e3 * q->seconds_setup, 1e3 * q->seconds_separation, 1e3 * q->seconds_solver,
            1e3 * q->seconds_check, 1e3 * total(q), 1e6 * total(q) / (double)q->arcs, (double)q->hexes, (double)q->zero_arcs,
-           (double)q->negative_arcs, q->status, q->verified ? "" : ", not verified");
+           (double)q->negative_arcs, q->status, strcmp(q->fallback, "none") ? ", of a narrower range" : "");
     fflush(stdout);
 }
 

@@ -1,5 +1,6 @@
 /* Each fault of a quantization is told by its name: one thing is damaged at a time. And the verifier agrees with the separation of validity constraints,
  * with which it has no line in common. */
+#include "core/neck_kit.h"
 #include "core/verify_kit.h"
 
 static bw_model_options options_of(int size, uint64_t seed, double perturb) {
@@ -114,6 +115,27 @@ static void links_that_coincide(void **state) {
         found++;
     }
     assert_true(found > 0);
+    quantizable_close(&q);
+}
+
+/* A neck without width: no critical curve meets another, no region is without area, but what joins the two parts is no volume. */
+static void a_neck_that_is_a_sheet(void **state) {
+    (void)state;
+    quantizable q;
+    quantizable_open_neck(&q);
+    int64_t cell = INT64_MAX;
+    size_t neck = 0;
+    for (size_t a = 0; a < q.complex.arc_count; a++) cell = q.complex.arc_length[a] < cell ? q.complex.arc_length[a] : cell;
+    cell /= NECK_LENGTH;
+    for (size_t a = 0; a < q.complex.arc_count; a++)
+        if (q.complex.arc_length[a] == NECK_WIDTH * cell) neck = a;
+    for (size_t a = 0; a < q.complex.arc_count; a++) q.length[a] = 1;
+    expect_fault(&q, BW_VALID, "all lengths 1");
+    set_sheet(&q, neck, 0);
+    expect_fault(&q, BW_FAULT_TOPOLOGY, "a neck without width");
+    set_input(&q, 1);
+    set_sheet(&q, neck, 0);
+    expect_fault(&q, BW_FAULT_TOPOLOGY, "a neck without width, otherwise as in the input");
     quantizable_close(&q);
 }
 
@@ -256,6 +278,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(a_region_without_area),
     cmocka_unit_test(a_volume_without_anything),
     cmocka_unit_test(links_that_coincide),
+    cmocka_unit_test(a_neck_that_is_a_sheet),
     cmocka_unit_test(thin_blocks_may_be_contracted),
     cmocka_unit_test(verifier_and_separation_agree_on_models),
     cmocka_unit_test(verifier_and_separation_agree_on_shared_models),
