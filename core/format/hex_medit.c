@@ -40,7 +40,7 @@ static void put_edges(bw_output *out, const bw_hex_skin *skin) {
         boundary += edge->boundary;
     }
     if (!boundary) return;
-    put_title(out, "RequiredEdges", boundary);
+    put_title(out, "Ridges", boundary);
     for (size_t e = 0; e < skin->edge_count; e++)
         if (skin->edge[e].boundary) put_reference(out, (int64_t)e + 1);
 }

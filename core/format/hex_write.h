@@ -19,7 +19,7 @@ extern const uint8_t bw_hex_ring[8];
 double bw_hex_write_jacobian(const bw_hex_mesh *mesh, size_t hex);
 
 /* Medit. References: of a hex its block + 1 (0: not known), of a boundary quad its surface + 1, of an edge (the irregular ones) how many hexes it has, of a vertex what holds it
- * (bw_hex_mesh.held: 0 point ... 3 nothing). Corners and RequiredVertices are the points; RequiredEdges are the edges of the boundary. */
+ * (bw_hex_mesh.held: 0 point ... 3 nothing). Corners and RequiredVertices are the points; Ridges are the edges of the boundary. (RequiredEdges would say more, but meshio refuses them.) */
 bw_status bw_hex_write_medit(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
 
 /* Legacy VTK, ASCII. Cell arrays block (-1: not known), ijk, scaled_jacobian; point array held. */

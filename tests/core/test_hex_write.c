@@ -55,7 +55,7 @@ static void check_medit(char *text, const bw_hex_mesh *mesh, const bw_hex_skin *
         indices(&at, skin->edge[e].vertex, 2, skin->edge[e].valence);
         boundary += skin->edge[e].boundary;
     }
-    if (boundary) title(&at, "RequiredEdges", boundary);
+    if (boundary) title(&at, "Ridges", boundary);
     for (size_t e = 0; e < boundary; e++) assert_true(skin->edge[(size_t)number(&at) - 1].boundary);
     title(&at, "Quadrilaterals", skin->quad_count);
     for (size_t q = 0; q < skin->quad_count; q++) {
