@@ -95,7 +95,7 @@ static void the_layout_has_the_declared_base_complex(void **state) {
         bw_layout_init(&ctx, &layout);
         print_message("%s\n", list[i].name);
         assert_int_equal(bw_shape_make(list[i].name, 0, &layout), BW_OK);
-        assert_int_equal(bw_layout_finish(&layout, 1, 1), BW_OK);
+        assert_int_equal(bw_layout_finish(&layout, 1, 1, false), BW_OK);
         assert_int_equal(bw_layout_base_complex(&layout, &blocks), BW_OK);
         assert_int_equal(blocks, list[i].blocks_bc);
         assert_int_equal(layout.blocks_bc, list[i].blocks_bc);
@@ -120,7 +120,7 @@ static void the_volume_of_the_map_is_that_of_the_blocks(void **state) {
         make(&ctx, list[i].name, &o, &m, &s);
         bw_layout_init(&ctx, &layout);
         assert_int_equal(bw_shape_make(list[i].name, 0, &layout), BW_OK);
-        assert_int_equal(bw_layout_finish(&layout, 1, 2), BW_OK);
+        assert_int_equal(bw_layout_finish(&layout, 1, 2, false), BW_OK);
         for (int32_t b = 0; b < (int32_t)layout.block_count; b++)
             boxes += bw_layout_length(&layout, b, 0) * bw_layout_length(&layout, b, 1) *
                      bw_layout_length(&layout, b, 2);

@@ -330,7 +330,7 @@ static double measure(const bw_layout *l, int32_t block, int edge) {
 
 /* A sheet is as long as its edges are on average in space, times a factor of its own between 0.85 and 1.15
  * (multiples of the golden ratio modulo 1: no two sheets are commensurable). */
-static void size_sheets(bw_layout *l, const double *sum, const int *edges, int size, double stretch) {
+static void size_sheets(bw_layout *l, const double *sum, const int *edges, int size, double stretch, bool integral) {
     double shortest = INFINITY;
     for (size_t s = 0; s < l->sheet_count; s++) {
         double k = 0.5 + (double)s * 0.61803398874989484820;
@@ -341,11 +341,11 @@ static void size_sheets(bw_layout *l, const double *sum, const int *edges, int s
         int cells = (int)(size * l->sheet[s].length / shortest + 0.5);
         l->sheet[s].cells = cells < 1 ? 1 : cells;
         double cell = l->sheet[s].length * pow(stretch, ((int)(s % 3) - 1) / 2.0) / l->sheet[s].cells;
-        l->sheet[s].length = l->sheet[s].cells * bw_snap(cell);
+        l->sheet[s].length = l->sheet[s].cells * (integral ? 1 : bw_snap(cell));
     }
 }
 
-static bw_status make_sheets(bw_layout *l, int size, double stretch) {
+static bw_status make_sheets(bw_layout *l, int size, double stretch, bool integral) {
     int32_t *parent = bw_alloc(l->ctx, l->edge_count, sizeof *parent);
     double *sum = bw_alloc(l->ctx, l->edge_count, sizeof *sum);
     int *edges = bw_alloc(l->ctx, l->edge_count, sizeof *edges);
@@ -369,7 +369,7 @@ static bw_status make_sheets(bw_layout *l, int size, double stretch) {
             sum[s] += measure(l, (int32_t)b, k);
             edges[s]++;
         }
-    size_sheets(l, sum, edges, size, stretch);
+    size_sheets(l, sum, edges, size, stretch, integral);
 out:
     bw_free(l->ctx, parent);
     bw_free(l->ctx, sum);
@@ -506,12 +506,12 @@ static bw_status make_stars(bw_layout *l) {
     return BW_OK;
 }
 
-bw_status bw_layout_finish(bw_layout *l, int size, double stretch) {
+bw_status bw_layout_finish(bw_layout *l, int size, double stretch, bool integral) {
     if (l->ctx->error.status) return l->ctx->error.status;
     bw_status status = make_faces(l);
     if (!status) status = make_edges(l);
     if (!status) status = mark_boundary(l);
-    if (!status) status = make_sheets(l, size, stretch);
+    if (!status) status = make_sheets(l, size, stretch, integral);
     if (!status) status = check_charts(l);
     if (!status) status = make_stars(l);
     return status;

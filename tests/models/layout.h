@@ -99,7 +99,7 @@ void bw_layout_arc(bw_layout *layout, int64_t from, int64_t to, const double cen
 
 /* Derives faces, edges, sheets (with lengths measured in space, then made irregular and stretched, and `size`
  * cells along the shortest) and stars. Errors: BW_E_INTERNAL if an invariant does not hold. */
-bw_status bw_layout_finish(bw_layout *layout, int size, double stretch);
+bw_status bw_layout_finish(bw_layout *layout, int size, double stretch, bool integral);
 
 double bw_layout_length(const bw_layout *layout, int32_t block, int axis);
 int bw_layout_cells(const bw_layout *layout, int32_t block, int axis);

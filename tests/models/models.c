@@ -88,7 +88,7 @@ bw_status bw_model_make(bw_context *ctx, const char *name, const bw_model_option
     bw_layout_init(ctx, &w.layout);
     bw_status status = check_options(ctx, options);
     if (!status) status = bw_shape_make(name, options->count, &w.layout);
-    if (!status) status = bw_layout_finish(&w.layout, options->size, options->stretch);
+    if (!status) status = bw_layout_finish(&w.layout, options->size, options->stretch, options->integral);
     if (!status) status = bw_grid_make(&w);
     if (!status) status = bw_noise_apply(&w);
     if (!status) status = list_features(&w);

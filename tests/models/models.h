@@ -40,6 +40,7 @@ enum { BW_SCRAMBLE_NONE, BW_SCRAMBLE_BLOCKS, BW_SCRAMBLE_CELLS, BW_SCRAMBLE_TETS
  * along a spanning tree of blocks features  1: sharp edges and corners of the boundary of the map are listed
  * as features  folds  0..1000 vertices are moved past their neighbours in the parametrization, so that tets around them
  * are inverted; transitions, alignment and singular edges stay as they are
+ * integral  1: every grid cell is a unit cube of the map, but for the noise: an integer-grid map, of as many hexes as there are cells
  */
 typedef struct {
     int size, count;
@@ -47,6 +48,7 @@ typedef struct {
     uint64_t seed;
     int scramble, features;
     int folds;
+    int integral;
 } bw_model_options;
 
 typedef struct {

@@ -190,20 +190,23 @@ static bw_move move_compose(const bw_move *after, const bw_move *before) {
     return m;
 }
 
-static bw_move random_move(uint64_t *state) {
+static bw_move random_move(uint64_t *state, bool integral) {
     bw_move m = {.turn = bw_turn_number((int)(bw_random(state) % 24))};
-    for (int i = 0; i < 3; i++) m.shift[i] = bw_snap(4 * bw_random_signed(state));
+    for (int i = 0; i < 3; i++) {
+        double shift = 4 * bw_random_signed(state);
+        m.shift[i] = integral ? round(shift) : bw_snap(shift);
+    }
     return m;
 }
 
 /* Charts that agree across the faces of a spanning tree of the blocks, breadth first from block 0. */
-static bw_status comb(const bw_layout *l, bw_move *chart) {
+static bw_status comb(const bw_layout *l, bool integral, bw_move *chart) {
     int32_t *queue = bw_alloc(l->ctx, l->block_count, sizeof *queue);
     bool *done = bw_alloc(l->ctx, l->block_count, sizeof *done);
     bw_status status = l->ctx->error.status;
     if (status) goto out;
     chart[0] = (bw_move){.turn = bw_turn_identity()};
-    for (int i = 0; i < 3; i++) chart[0].shift[i] = bw_snap(0.31830988618379067 - i * 0.36787944117144233);
+    for (int i = 0; i < 3 && !integral; i++) chart[0].shift[i] = bw_snap(0.31830988618379067 - i * 0.36787944117144233);
     size_t count = 1;
     done[0] = true;
     for (size_t i = 0; i < count; i++)
@@ -228,7 +231,7 @@ out:
 bw_status bw_charts_apply(bw_build *w) {
     bw_model *m = w->model;
     bw_move *chart = bw_alloc(w->ctx, w->layout.block_count, sizeof *chart);
-    bw_status status = chart ? comb(&w->layout, chart) : w->ctx->error.status;
+    bw_status status = chart ? comb(&w->layout, w->options->integral, chart) : w->ctx->error.status;
     uint64_t state = w->options->seed ^ 0x6368617274;
     bw_move group = {.turn = bw_turn_identity()};
     int scramble = w->options->scramble;
@@ -236,7 +239,7 @@ bw_status bw_charts_apply(bw_build *w) {
         bool next = scramble == BW_SCRAMBLE_TETS || t == 0 ||
                     (scramble == BW_SCRAMBLE_CELLS && w->tet_cell[t] != w->tet_cell[t - 1]) ||
                     (scramble == BW_SCRAMBLE_BLOCKS && w->tet_block[t] != w->tet_block[t - 1]);
-        if (scramble && next) group = random_move(&state);
+        if (scramble && next) group = random_move(&state, w->options->integral);
         bw_move whole = move_compose(&group, &chart[w->tet_block[t]]);
         for (int c = 0; c < 4; c++) bw_move_apply(&whole, m->parameter[t][c], m->parameter[t][c]);
     }
