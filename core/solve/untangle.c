@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "solve/foldover.h"
 #include "solve/lbfgs.h"
 
 enum { ROUNDS = 30, ITERATIONS = 60, POLISH = 300 };
@@ -13,8 +14,8 @@ typedef struct {
     double epsilon;
 } tangle;
 
-/* J = (edges from corner 0) rest, and its cofactors, the derivatives of its determinant. */
-static double jacobian(const bw_untangle_tet *t, const double *x, double j[3][3], double cofactor[3][3]) {
+/* J = (edges from corner 0) rest. */
+static void jacobian(const bw_untangle_tet *t, const double *x, double j[3][3]) {
     double p[4][3], e[3][3];
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 3; k++) {
@@ -26,17 +27,12 @@ static double jacobian(const bw_untangle_tet *t, const double *x, double j[3][3]
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
             j[a][b] = e[a][0] * t->rest[0][b] + e[a][1] * t->rest[1][b] + e[a][2] * t->rest[2][b];
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) {
-            int a1 = (a + 1) % 3, a2 = (a + 2) % 3, b1 = (b + 1) % 3, b2 = (b + 2) % 3;
-            cofactor[a][b] = j[a1][b1] * j[a2][b2] - j[a1][b2] * j[a2][b1];
-        }
-    return j[0][0] * cofactor[0][0] + j[0][1] * cofactor[0][1] + j[0][2] * cofactor[0][2];
 }
 
 double bw_untangle_volume(const bw_untangle_tet *tet, const double *x) {
     double j[3][3], cofactor[3][3];
-    return jacobian(tet, x, j, cofactor);
+    jacobian(tet, x, j);
+    return bw_cofactors(j, cofactor);
 }
 
 /* Adds the gradient with respect to J to the variables. */
@@ -58,17 +54,10 @@ static double energy(void *user, const double *x, double *gradient) {
     double sum = 0;
     memset(gradient, 0, w->variable_count * sizeof *gradient);
     for (size_t t = 0; t < w->tet_count; t++) {
-        double j[3][3], c[3][3], norm = 0;
-        double d = jacobian(&w->tet[t], x, j, c), root = sqrt(w->epsilon * w->epsilon + d * d);
-        /* (d + root) / 2, without cancellation where d is negative */
-        double chi = d >= 0 ? 0.5 * (d + root) : 0.5 * w->epsilon * w->epsilon / (root - d);
-        if (!(chi > 0)) return INFINITY;
-        double slope = root > 0 ? 0.5 * (1 + d / root) : 1;
-        for (int i = 0; i < 9; i++) norm += j[i / 3][i % 3] * j[i / 3][i % 3];
-        double third = cbrt(chi), by_norm = 1 / (third * third);
-        sum += norm * by_norm + (d * d + 1) / chi;
-        double by_d = (-2.0 / 3.0 * norm * by_norm * slope + 2 * d - (d * d + 1) * slope / chi) / chi;
-        for (int i = 0; i < 9; i++) j[i / 3][i % 3] = 2 * by_norm * j[i / 3][i % 3] + by_d * c[i / 3][i % 3];
+        double j[3][3];
+        jacobian(&w->tet[t], x, j);
+        sum += bw_foldover(j, w->epsilon, 1);
+        if (isinf(sum)) return sum;
         scatter(&w->tet[t], j, gradient);
     }
     return sum;
@@ -81,8 +70,8 @@ static double harmonic(void *user, const double *x, double *gradient) {
     memset(gradient, 0, w->variable_count * sizeof *gradient);
     for (size_t t = 0; t < w->tet_count; t++) {
         const double(*r)[3] = w->tet[t].rest;
-        double j[3][3], c[3][3], norm = 0, volume = 0;
-        jacobian(&w->tet[t], x, j, c);
+        double j[3][3], norm = 0, volume = 0;
+        jacobian(&w->tet[t], x, j);
         for (int k = 0; k < 3; k++)
             volume +=
                 r[0][k] * (r[1][(k + 1) % 3] * r[2][(k + 2) % 3] - r[1][(k + 2) % 3] * r[2][(k + 1) % 3]);
