@@ -59,14 +59,15 @@ static void number_surfaces(bw_hex_skin *skin) {
     for (size_t q = 0; q < skin->quad_count; q++) skin->quad[q].surface = -1 - skin->quad[q].surface;
 }
 
-static bw_status list_edges(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_edges *edges, const edge_quads *at, bw_hex_skin *skin) {
+/* Irregular edges, and regular ones if these are wanted too; quads that an edge holds together are joined. */
+static bw_status list_edges(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_edges *edges, const edge_quads *at, bool regular, bw_hex_skin *skin) {
     size_t room = 0;
     bw_status status = BW_OK;
     for (size_t v = 0; v < mesh->vertex_count; v++)
         for (uint32_t e = edges->begin[v]; e < edges->begin[v + 1] && status == BW_OK; e++) {
             bool boundary = at[e].count > 0;
             if (at[e].count == 2 && edges->valence[e] == 2) join(skin, at[e].quad[0], at[e].quad[1]);
-            if (edges->valence[e] == (boundary ? 2 : 4)) continue;
+            if (!regular && edges->valence[e] == (boundary ? 2 : 4)) continue;
             status = bw_reserve(ctx, &skin->edge, &room, skin->edge_count + 1);
             if (status == BW_OK)
                 skin->edge[skin->edge_count++] =
@@ -75,18 +76,26 @@ static bw_status list_edges(bw_context *ctx, const bw_hex_mesh *mesh, const bw_h
     return status;
 }
 
-bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin) {
+static bw_status init(bw_context *ctx, const bw_hex_mesh *mesh, bool regular, bw_hex_skin *skin) {
     *skin = (bw_hex_skin){0};
     bw_hex_edges edges = {0};
     edge_quads *at = NULL;
     bw_status status = find_quads(ctx, mesh, skin);
     if (status == BW_OK) status = bw_hex_edges_init(ctx, mesh, &edges);
     if (status == BW_OK) status = find_edge_quads(ctx, mesh, skin, &edges, &at);
-    if (status == BW_OK) status = list_edges(ctx, mesh, &edges, at, skin);
+    if (status == BW_OK) status = list_edges(ctx, mesh, &edges, at, regular, skin);
     if (status == BW_OK) number_surfaces(skin);
     bw_free(ctx, at);
     bw_hex_edges_clear(ctx, &edges);
     return status;
+}
+
+bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin) {
+    return init(ctx, mesh, false, skin);
+}
+
+bw_status bw_hex_skin_init_all(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin) {
+    return init(ctx, mesh, true, skin);
 }
 
 void bw_hex_skin_clear(bw_context *ctx, bw_hex_skin *skin) {

@@ -18,7 +18,7 @@ typedef struct {
     int32_t surface;
 } bw_hex_quad;
 
-/* An edge inside that has not four hexes, or one of the boundary that has not two. */
+/* Irregular: inside and not with four hexes, or of the boundary and not with two. */
 typedef struct {
     bw_hvertex vertex[2];
     int32_t valence; /* hexes around it */
@@ -33,6 +33,8 @@ typedef struct {
 
 /* Requires indices in range; O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
 bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);
+/* `edge` lists all edges, not the irregular ones only. */
+bw_status bw_hex_skin_init_all(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);
 void bw_hex_skin_clear(bw_context *ctx, bw_hex_skin *skin);
 static inline bw_hvertex bw_hex_quad_vertex(const bw_hex_mesh *mesh, const bw_hex_quad *quad, int corner) {
     return mesh->hex[quad->hex][bw_hex_face_corner[quad->face][corner]];
