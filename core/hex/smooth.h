@@ -1,0 +1,46 @@
+/* Geometric optimization of a hex mesh: vertices move, on what holds them, until scaled Jacobians are positive and as good as may be.
+ *
+ * Every corner of a hexahedron is a tet with an ideal shape: the corner of a box. First the foldover-free energy (solve/foldover.h) of all corners is minimized by
+ * L-BFGS for a falling epsilon until no corner is inverted, then as a barrier; then an energy of the scaled Jacobians themselves, which
+ * weighs the worst most. Interior vertices have three variables, vertices on a surface two in its tangent plane,
+ * those on a curve one, points none; after each round they are projected to what holds them (hex/surface.h) and get new directions.
+ *
+ * Ensured
+ *  1. Connectivity, held and carrier stay as they are.
+ *  2. The mesh that is returned has no more corners that are not positive than the one that came in; if as many, its least scaled Jacobian is not smaller
+ *     than that one's, or 0.2.
+ *  3. Vertices on surfaces and curves end on them, but for those at corners that are not positive otherwise, which may leave them by `leave`.
+ *  4. The same bits at any number of threads.
+ */
+#ifndef BW_HEX_SMOOTH_H
+#define BW_HEX_SMOOTH_H
+
+#include "hex/hexmesh.h"
+#include "hex/surface.h"
+
+typedef struct {
+    int rounds;      /* at most, of each kind: untangling, shape, scaled Jacobians */
+    int iterations;  /* of L-BFGS in a round, at most */
+    double leave;    /* how far vertices may leave what holds them where a corner is not positive otherwise, as part of the mean length of their edges */
+} bw_smooth_options;
+
+typedef struct {
+    double least, mean;     /* scaled Jacobian of hexes */
+    uint64_t hexes;         /* whose scaled Jacobian is not positive */
+    uint64_t corners;       /* likewise */
+} bw_smooth_state;
+
+typedef struct {
+    bw_smooth_state before, after;
+    uint64_t rounds, iterations, evaluations;
+    double moved_max, moved_mean; /* over all vertices */
+    double off_max, off_mean;     /* distance from what holds a vertex, over those that are held on a surface or curve */
+    uint64_t left;                /* vertices that left it */
+} bw_smooth_report;
+
+void bw_smooth_options_defaults(bw_smooth_options *options);
+/* Errors: BW_E_MEMORY, BW_E_CANCELLED; the mesh then is as it was. */
+bw_status bw_hex_smooth(bw_context *ctx, bw_hex_mesh *mesh, const bw_hex_surface *surface, const bw_smooth_options *options,
+                        bw_smooth_report *report);
+
+#endif

@@ -1,0 +1,228 @@
+/* Geometric optimization of hex meshes (hex/smooth.h): perturbed ones become positive, nothing gets worse, nothing leaves what holds it. */
+#include "core/hex_tets_kit.h"
+
+#include <signal.h>
+#include <stdio.h>
+
+#include "hex/quality.h"
+#include "hex/smooth.h"
+
+typedef struct {
+    bw_hex_mesh mesh;
+    hex_tets tets;
+    double scale; /* mean length of edges */
+} sample;
+
+static void sample_init(bw_context *ctx, int which, sample *s) {
+    bw_hex_quality q;
+    hex_kit_sample(ctx, which, &s->mesh);
+    hex_tets_make(ctx, &s->mesh, &s->tets);
+    kit_expect_ok(ctx, bw_hex_measure(ctx, &s->mesh, &q));
+    s->scale = q.edge_length.mean;
+}
+
+static void sample_clear(bw_context *ctx, sample *s) {
+    hex_tets_clear(ctx, &s->tets);
+    bw_hex_mesh_clear(ctx, &s->mesh);
+    assert_int_equal(ctx->memory.used, 0);
+}
+
+/* Vertices leave their place by up to `by` mean lengths of edges along each axis, then return to what holds them. */
+static void perturb(sample *s, double by, uint64_t stream) {
+    kit_random random = kit_random_start(stream);
+    for (size_t v = 0; v < s->mesh.vertex_count; v++) {
+        double direction[3][3], *p = s->mesh.position[v];
+        bw_hex_surface_hold hold = bw_hex_surface_holds(&s->tets.surface, s->mesh.held[v], s->mesh.carrier[v], p);
+        for (int k = 0; k < 3 && hold.held != BW_HELD_POINT; k++) p[k] += s->scale * kit_random_range(&random, -by, by);
+        bw_hex_surface_project(&s->tets.surface, hold, p, direction);
+    }
+}
+
+static bw_smooth_report smooth(bw_context *ctx, sample *s) {
+    bw_smooth_options options;
+    bw_smooth_report report;
+    bw_smooth_options_defaults(&options);
+    kit_expect_ok(ctx, bw_hex_smooth(ctx, &s->mesh, &s->tets.surface, &options, &report));
+    return report;
+}
+
+static void perturbed_meshes_become_positive_on_their_surface(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    for (int i = 0; i < HEX_KIT_COUNT; i++) {
+        sample s;
+        bw_hex_distance d;
+        sample_init(&ctx, i, &s);
+        perturb(&s, 0.4, (uint64_t)(30 + i));
+        bw_smooth_report r = smooth(&ctx, &s);
+        printf("%s: %llu of %zu hexes not positive, least %.3f; after: %llu, least %.3f, mean %.3f\n", hex_kit_names[i],
+               (unsigned long long)r.before.hexes, s.mesh.hex_count, r.before.least, (unsigned long long)r.after.hexes, r.after.least, r.after.mean);
+        assert_true(r.before.hexes > 0);
+        assert_int_equal(r.after.hexes, 0);
+        assert_true(r.after.least > 0.1 && r.moved_max > 0 && r.off_max < 1e-12 && r.left == 0);
+        kit_expect_ok(&ctx, bw_hex_measure_distance(&ctx, &s.mesh, &s.tets.surface, &d));
+        for (size_t v = 0; v < s.mesh.vertex_count; v++) {
+            bw_bvh_hit hit;
+            if (s.mesh.held[v] == BW_HELD_NOT) continue;
+            bw_bvh_closest(&s.tets.surface.triangles, BW_NONE, s.mesh.position[v], INFINITY, &hit);
+            assert_true(hit.squared < 1e-24);
+        }
+        sample_clear(&ctx, &s);
+    }
+}
+
+static void the_report_tells_what_is_measured(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_hex_quality before, after;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_O_GRID, &s);
+    perturb(&s, 0.3, 40);
+    kit_expect_ok(&ctx, bw_hex_measure(&ctx, &s.mesh, &before));
+    bw_smooth_report r = smooth(&ctx, &s);
+    kit_expect_ok(&ctx, bw_hex_measure(&ctx, &s.mesh, &after));
+    assert_int_equal(r.before.hexes, before.nonpositive);
+    assert_int_equal(r.after.hexes, after.nonpositive);
+    assert_float_equal(r.before.least, before.scaled_jacobian.min, 1e-15);
+    assert_float_equal(r.after.least, after.scaled_jacobian.min, 1e-15);
+    assert_float_equal(r.after.mean, after.scaled_jacobian.mean, 1e-12);
+    assert_true(r.after.mean > r.before.mean && r.iterations > 0 && r.rounds > 0);
+    sample_clear(&ctx, &s);
+}
+
+/* A corner of the box is moved through the box: points are held, so nothing can be done about its hex. */
+static void what_cannot_be_mended_is_not_made_worse(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_TEE, &s);
+    for (size_t v = 0; v < s.mesh.vertex_count; v++)
+        for (int k = 0; k < 3 && s.mesh.held[v] == BW_HELD_POINT && v % 2; k++)
+            s.mesh.position[v][k] += 1.5 * (s.mesh.position[0][k] + s.mesh.position[s.mesh.vertex_count - 1][k] - 2 * s.mesh.position[v][k]);
+    bw_smooth_report r = smooth(&ctx, &s);
+    printf("%llu corners not positive; after %llu\n", (unsigned long long)r.before.corners, (unsigned long long)r.after.corners);
+    assert_true(r.before.corners > 0 && r.after.corners > 0);
+    assert_true(r.after.corners <= r.before.corners && r.after.hexes <= r.before.corners);
+    sample_clear(&ctx, &s);
+}
+
+static void a_good_mesh_stays_at_least_as_good(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    for (int i = 0; i < HEX_KIT_COUNT; i++) {
+        sample s;
+        sample_init(&ctx, i, &s);
+        bw_smooth_report r = smooth(&ctx, &s);
+        assert_int_equal(r.before.hexes, 0);
+        assert_int_equal(r.after.hexes, 0);
+        assert_true(r.after.least >= fmin(r.before.least, 0.2));
+        assert_true(r.after.mean >= r.before.mean || r.after.least > r.before.least);
+        sample_clear(&ctx, &s);
+    }
+}
+
+static void the_result_is_the_same_at_any_number_of_threads(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_TORUS, &s);
+    bw_hex_mesh large;
+    hex_kit_cube(&ctx, 12, &large); /* several ranges of hexes and vertices */
+    hex_tets tets;
+    hex_kit_hold(&ctx, &large);
+    hex_tets_make(&ctx, &large, &tets);
+    sample *both[2] = {&s, &(sample){large, tets, 1.0 / 12}};
+    for (int i = 0; i < 2; i++) {
+        size_t bytes = both[i]->mesh.vertex_count * sizeof *both[i]->mesh.position;
+        double *start = malloc(bytes), *first = malloc(bytes);
+        perturb(both[i], 0.4, 50);
+        memcpy(start, both[i]->mesh.position, bytes);
+        for (int threads = 1; threads <= 3; threads++) {
+            memcpy(both[i]->mesh.position, start, bytes);
+            ctx.threads = threads;
+            smooth(&ctx, both[i]);
+            if (threads == 1)
+                memcpy(first, both[i]->mesh.position, bytes);
+            else
+                assert_memory_equal(first, both[i]->mesh.position, bytes);
+        }
+        assert_true(memcmp(start, first, bytes) != 0);
+        free(start), free(first);
+    }
+    hex_tets_clear(&ctx, &tets);
+    bw_hex_mesh_clear(&ctx, &large);
+    sample_clear(&ctx, &s);
+}
+
+static void only_positions_change(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_hex_mesh other;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_FIVE, &s);
+    hex_kit_sample(&ctx, HEX_KIT_FIVE, &other);
+    perturb(&s, 0.4, 60);
+    smooth(&ctx, &s);
+    assert_memory_equal(s.mesh.hex, other.hex, other.hex_count * sizeof *other.hex);
+    assert_memory_equal(s.mesh.held, other.held, other.vertex_count);
+    assert_memory_equal(s.mesh.ijk, other.ijk, other.hex_count * sizeof *other.ijk);
+    bw_hex_mesh_clear(&ctx, &other);
+    sample_clear(&ctx, &s);
+}
+
+static void a_cancelled_run_leaves_the_mesh_as_it_was(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_smooth_options options;
+    bw_smooth_report report;
+    volatile sig_atomic_t cancel = 1;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_GRID, &s);
+    perturb(&s, 0.4, 70);
+    size_t bytes = s.mesh.vertex_count * sizeof *s.mesh.position;
+    double *start = malloc(bytes);
+    memcpy(start, s.mesh.position, bytes);
+    ctx.cancel = &cancel;
+    bw_smooth_options_defaults(&options);
+    kit_expect_status(&ctx, bw_hex_smooth(&ctx, &s.mesh, &s.tets.surface, &options, &report), BW_E_CANCELLED);
+    assert_memory_equal(start, s.mesh.position, bytes);
+    free(start);
+    sample_clear(&ctx, &s);
+}
+
+static bw_status smooth_copy(bw_context *ctx, void *user) {
+    sample *s = user;
+    bw_smooth_options options = {.rounds = 1, .iterations = 2};
+    bw_smooth_report report;
+    return bw_hex_smooth(ctx, &s->mesh, &s->tets.surface, &options, &report);
+}
+
+static void each_allocation_may_fail(void **state) {
+    (void)state;
+    bw_context ctx;
+    sample s;
+    bw_context_init(&ctx);
+    sample_init(&ctx, HEX_KIT_FIVE, &s);
+    perturb(&s, 0.4, 80);
+    assert_true(kit_fail_each_allocation(smooth_copy, &s) > 15);
+    sample_clear(&ctx, &s);
+}
+
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(perturbed_meshes_become_positive_on_their_surface),
+    cmocka_unit_test(the_report_tells_what_is_measured),
+    cmocka_unit_test(what_cannot_be_mended_is_not_made_worse),
+    cmocka_unit_test(a_good_mesh_stays_at_least_as_good),
+    cmocka_unit_test(the_result_is_the_same_at_any_number_of_threads),
+    cmocka_unit_test(only_positions_change),
+    cmocka_unit_test(a_cancelled_run_leaves_the_mesh_as_it_was),
+    cmocka_unit_test(each_allocation_may_fail),
+};
+KIT_MAIN(tests)
