@@ -1,27 +1,12 @@
 /* Legacy VTK, ASCII: read by far more programs than the XML forms. */
-#include <math.h>
-
 #include "format/hex_write.h"
 #include "format/output.h"
-
-static double at_corner(const bw_hex_mesh *mesh, const bw_hvertex *hex, unsigned corner) {
-    double e[3][3], lengths = 1;
-    const double *p = mesh->position[hex[corner]];
-    for (unsigned k = 0; k < 3; k++) {
-        const double *q = mesh->position[hex[corner ^ 1u << k]];
-        double sign = corner >> k & 1 ? -1 : 1, square = 0;
-        for (int i = 0; i < 3; i++) e[k][i] = sign * (q[i] - p[i]), square += e[k][i] * e[k][i];
-        lengths *= sqrt(square);
-    }
-    double volume = e[0][0] * (e[1][1] * e[2][2] - e[1][2] * e[2][1]) + e[0][1] * (e[1][2] * e[2][0] - e[1][0] * e[2][2]) +
-                    e[0][2] * (e[1][0] * e[2][1] - e[1][1] * e[2][0]);
-    return lengths > 0 ? volume / lengths : 0;
-}
+#include "hex/quality.h"
 
 double bw_hex_write_jacobian(const bw_hex_mesh *mesh, size_t hex) {
-    double least = INFINITY;
-    for (unsigned c = 0; c < 8; c++) least = fmin(least, at_corner(mesh, mesh->hex[hex], c));
-    return least;
+    double corner[8][3];
+    bw_hex_corners(mesh, (bw_hex)hex, corner);
+    return bw_hex_scaled_jacobian((const double(*)[3])corner);
 }
 
 static void put_count(bw_output *out, const char *before, size_t count, const char *after) {

@@ -3,6 +3,7 @@
 
 #include <stdio.h>
 
+#include "format/hex_bwh.h"
 #include "format/hex_write.h"
 
 typedef bw_status writer(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
@@ -11,7 +12,7 @@ static const struct {
     const char *extension;
     writer *write;
 } formats[] = {{"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
-             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}};
+             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"bwh", bw_hex_write_bwh}};
 enum { FORMATS = sizeof formats / sizeof *formats };
 
 /* ---- Medit, read back token by token ------------------------------------------------------------------------------- */
