@@ -9,7 +9,7 @@
 
 #include "command.h"
 
-enum { WORD_MAX = 32, OPTIONS_MAX = 24 };
+enum { WORD_MAX = 32, OPTIONS_MAX = 40, LEFT = 24 };
 
 int cli_usage_error(const cli_command *command, const char *format, ...) {
     va_list args;
@@ -213,11 +213,12 @@ void cli_command_help(const cli_command *command) {
     for (size_t i = 0; i <= command->option_count; i++) {
         static const cli_option help = {"help", 'h', CLI_FLAG, 0, NULL, "show this text", 0, 0};
         const cli_option *o = i < command->option_count ? &command->options[i] : &help;
-        char left[64];
+        char left[100];
         int n = o->letter ? snprintf(left, sizeof left, "-%c, --%s", o->letter, o->name)
                           : snprintf(left, sizeof left, "    --%s", o->name);
         if (o->kind != CLI_FLAG) snprintf(left + n, sizeof left - (size_t)n, " %s", o->value);
-        printf("  %-24s %s\n", left, o->help);
+        if (strlen(left) > LEFT) printf("  %s\n  %*s %s\n", left, LEFT, "", o->help);
+        else printf("  %-*s %s\n", LEFT, left, o->help);
     }
     printf("\nExamples:\n%s\n\n"
            "Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.\n",

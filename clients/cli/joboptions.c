@@ -1,6 +1,7 @@
 #include "joboptions.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* "0,0.5,1" as a list; NULL if it is none. */
 static json_t *numbers(const char *text) {
@@ -17,7 +18,7 @@ static json_t *numbers(const char *text) {
 static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
-    if (!o->quantize && (sizes || o->scales || o->rounding || o->time_limit > 0))
+    if ((!o->quantize || !strcmp(o->quantize, "none")) && (sizes || o->scales || o->rounding || o->time_limit > 0))
         return "a size, time limit or rounding beside a quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }

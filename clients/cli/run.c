@@ -152,6 +152,8 @@ const cli_command cli_command_run = {
                 "  blockwright run part.hexex --out result --complex bc     the base complex instead\n"
                 "  blockwright run part.hexex --out result --complex serial     fewer blocks before reduction\n"
                 "  blockwright run part.hexex --out result --reduce full    as few blocks as can be\n"
+                "  blockwright run part.hexex --out result --quantize any --coarsest      integer lengths\n"
+                "  blockwright run part.hexex --out result --quantize any --scales 0,0.5,1,2    by size\n"
                 "  blockwright run part.vtu --out result --vtk              VTK in, and out for ParaView\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"
                 "  blockwright run part.hexex --out result --memory 4G --max-cells 5000000",

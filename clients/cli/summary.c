@@ -71,10 +71,11 @@ static double number(const json_t *object, const char *key) { return json_number
 
 static void size_line(const char *label, const json_t *row) {
     const char *status = json_string_value(json_object_get(row, "status"));
-    char text[32];
-    printf("%-15s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11.3f  %s\n", label, number(row, "scale"), number(row, "hexes"),
-           number(row, "objective"), number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"),
-           number(row, "distortion"), cli_safe(text, sizeof text, status ? status : "?"));
+    char text[32], distortion[24] = "-"; /* relative to the scale */
+    if (number(row, "scale") > 0) snprintf(distortion, sizeof distortion, "%.3f", number(row, "distortion"));
+    printf("%-15s %8.4g %10.0f %12.4f %12.4f %7.0f %9.0f %11s  %s\n", label, number(row, "scale"), number(row, "hexes"),
+           number(row, "objective"), number(row, "bound"), number(row, "zero_arcs"), number(row, "negative_arcs"), distortion,
+           cli_safe(text, sizeof text, status ? status : "?"));
 }
 
 /* What was found, and the table over sizes. */

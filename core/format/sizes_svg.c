@@ -8,12 +8,12 @@
 
 #include "format/output.h"
 
-enum { WIDTH = 360, HEIGHT = 230, LEFT = 64, RIGHT = 16, TOP = 34, BOTTOM = 46, CHARTS = 4, TICKS = 4 };
+enum { WIDTH = 360, HEIGHT = 230, LEFT = 64, RIGHT = 16, TOP = 34, BOTTOM = 46, NOTE = 24, CHARTS = 4, TICKS = 5 };
 
 typedef struct {
     const char *title;
     double value[BW_REPORT_SWEEP];
-    bool logarithmic, relative; /* relative to the scale: not for scale 0 */
+    bool logarithmic, whole, relative; /* whole numbers; relative to the scale: not for scale 0 */
 } chart;
 
 typedef struct {
@@ -44,17 +44,25 @@ static double place(const writer *w, size_t i) {
     return LEFT + (w->count > 1 ? room * (double)i / (double)(w->count - 1) : room / 2);
 }
 
-static double height(const chart *c, double value, double low, double high) {
-    double at = c->logarithmic ? log10(fmax(value, 1)) : value;
-    return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (at - low) / (high - low);
+/* What the axis shows: the value, or its logarithm. */
+static double shown(const chart *c, double value) { return c->logarithmic ? log10(fmax(value, 1)) : value; }
+
+static double height(const chart *c, double value, double top) {
+    return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * shown(c, value) / top;
 }
 
-static void put_axes(writer *w, const chart *c, double low, double high) {
+/* The smallest of 1, 2, 5, 10, 20, ... (for fractions 0.1, 0.2, ...) that comes to `most` in TICKS steps; whole powers of ten on a logarithmic axis. */
+static double tick_step(const chart *c, double most) {
+    double step = c->logarithmic ? 1 : pow(10, floor(log10(most / TICKS)));
+    for (int i = 0; step * TICKS < most * (1 - 1e-9); i++) step *= c->logarithmic ? (step + 1) / step : i % 3 == 1 ? 2.5 : 2;
+    return c->whole ? fmax(step, 1) : step;
+}
+
+static void put_axes(writer *w, const chart *c, double step, int ticks) {
     put(w, "<text x=\"%d\" y=\"20\" class=\"title\">%s</text>\n", LEFT, c->title);
-    for (int t = 0; t <= TICKS; t++) {
-        double at = low + (high - low) * t / TICKS, value = c->logarithmic ? pow(10, at) : at;
-        double y = height(c, value, low, high);
-        put(w, "<line x1=\"%d\" y1=\"%.2f\" x2=\"%d\" y2=\"%.2f\" class=\"grid\"/><text x=\"%d\" y=\"%.2f\" class=\"y\">%.3g</text>\n", LEFT, y,
+    for (int t = 0; t <= ticks; t++) {
+        double y = HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (double)t / ticks, value = c->logarithmic ? pow(10, t * step) : t * step;
+        put(w, "<line x1=\"%d\" y1=\"%.2f\" x2=\"%d\" y2=\"%.2f\" class=\"grid\"/><text x=\"%d\" y=\"%.2f\" class=\"y\">%.5g</text>\n", LEFT, y,
             WIDTH - RIGHT, y, LEFT - 6, y + 4, value);
     }
     size_t every = 1 + w->count / 10;
@@ -65,18 +73,20 @@ static void put_axes(writer *w, const chart *c, double low, double high) {
 
 static void put_chart(writer *w, const chart *c, int at) {
     double high = 0;
-    for (size_t i = 0; i < w->count; i++) high = fmax(high, c->logarithmic ? log10(fmax(c->value[i], 1)) : c->value[i]);
-    if (high <= 0) high = 1;
+    for (size_t i = 0; i < w->count; i++) high = fmax(high, shown(c, c->value[i]));
+    double step = tick_step(c, high > 0 ? high : 1);
+    int ticks = (int)fmax(ceil(high / step - 1e-9), 1);
+    high = step * ticks;
     put(w, "<g transform=\"translate(%d %d)\">\n", at % 2 * WIDTH, at / 2 * HEIGHT);
-    put_axes(w, c, 0, high);
+    put_axes(w, c, step, ticks);
     bw_put_text(&w->out, "<polyline class=\"line\" points=\"");
     size_t first = 0;
     while (c->relative && first < w->count && w->row[first]->scale <= 0) first++;
-    for (size_t i = first; i < w->count; i++) put(w, "%.2f,%.2f ", place(w, i), height(c, c->value[i], 0, high));
+    for (size_t i = first; i < w->count; i++) put(w, "%.2f,%.2f ", place(w, i), height(c, c->value[i], high));
     bw_put_text(&w->out, "\"/>\n");
     for (size_t i = first; i < w->count; i++)
         put(w, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" class=\"%s\"><title>scale %.6g: %.6g</title></circle>\n", place(w, i),
-            height(c, c->value[i], 0, high), strcmp(w->row[i]->status, "optimal") ? "open" : "full", w->row[i]->scale, c->value[i]);
+            height(c, c->value[i], high), strcmp(w->row[i]->status, "optimal") ? "open" : "full", w->row[i]->scale, c->value[i]);
     bw_put_text(&w->out, "</g>\n");
 }
 
@@ -85,7 +95,7 @@ bw_status bw_sizes_write(bw_context *ctx, const bw_report *report, const char *p
                                 ".grid{stroke:#ddd}.line{fill:none;stroke:#2563a8;stroke-width:1.5}.full{fill:#2563a8}"
                                 ".open{fill:#fff;stroke:#2563a8}</style>\n";
     writer w = {.count = report->sweep_count};
-    chart charts[CHARTS] = {{.title = "hexes", .logarithmic = true}, {.title = "objective"}, {.title = "arcs of length 0"}, {.title = "distortion", .relative = true}};
+    chart charts[CHARTS] = {{.title = "hexes", .logarithmic = true}, {.title = "objective"}, {.title = "arcs of length 0", .whole = true}, {.title = "distortion", .relative = true}};
     for (size_t i = 0; i < w.count; i++) w.row[i] = &report->sweep[i];
     qsort(w.row, w.count, sizeof *w.row, by_scale);
     for (size_t i = 0; i < w.count; i++) {
@@ -93,11 +103,11 @@ bw_status bw_sizes_write(bw_context *ctx, const bw_report *report, const char *p
         charts[2].value[i] = (double)w.row[i]->zero_arcs, charts[3].value[i] = w.row[i]->distortion;
     }
     bw_output_open(ctx, &w.out, path);
-    put(&w, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\">\n", 2 * WIDTH, 2 * HEIGHT, 2 * WIDTH,
-        2 * HEIGHT);
+    put(&w, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %d %d\" width=\"%d\" height=\"%d\">\n", 2 * WIDTH, 2 * HEIGHT + NOTE, 2 * WIDTH,
+        2 * HEIGHT + NOTE);
     bw_put_text(&w.out, style);
-    put(&w, "<rect width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n", 2 * WIDTH, 2 * HEIGHT);
+    put(&w, "<rect width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n", 2 * WIDTH, 2 * HEIGHT + NOTE);
     for (int i = 0; i < CHARTS; i++) put_chart(&w, &charts[i], i);
-    bw_put_text(&w.out, "</svg>\n");
+    put(&w, "<text x=\"%d\" y=\"%d\">filled: proven optimal; hollow: may be better; scale 0: the coarsest</text>\n</svg>\n", LEFT, 2 * HEIGHT + NOTE / 2);
     return bw_output_close(&w.out, bytes);
 }

@@ -42,6 +42,9 @@ static void add_work(bw_quant_result *to, const bw_quant_result *from) {
     to->seconds += from->seconds, to->seconds_separation += from->seconds_separation;
 }
 
+/* Of the time left: ranges on the way may take half of it each. */
+static double share_of(const bw_quantizer *q, size_t level, double left) { return left <= 0 ? 0 : level + 1 < q->used ? left / 2 : left; }
+
 /* The scale at which the longest class is LENGTH_MAX. */
 static double scale_limit(const bw_quantizer *q) {
     double longest = 0;
@@ -54,7 +57,7 @@ bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, dou
     bw_quant_oracle none = {0};
     if (scale > scale_limit(q)) return bw_fail(ctx, BW_E_RANGE, "at scale %g arcs would be longer than 2^40", scale);
     for (size_t k = 0; k < q->used; k++) {
-        double left = fmax(seconds - before.seconds, 0);
+        double left = share_of(q, k, seconds - before.seconds);
         bw_quant_problem_set_scale(&q->level[k], scale);
         if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, result))
             return ctx->error.status;
@@ -69,7 +72,7 @@ bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, 
     bw_quant_oracle none = {0};
     for (size_t k = 0; k < q->used; k++) {
         bw_quant_result coarsest;
-        double left = fmax(seconds - before.seconds, 0);
+        double left = share_of(q, k, seconds - before.seconds);
         bw_quant_problem_set_scale(&q->level[k], 0);
         if (k) memcpy(q->best, q->value, q->model.class_count * sizeof *q->best);
         if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, &coarsest))

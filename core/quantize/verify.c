@@ -4,7 +4,7 @@
 
 #include "quantize/verify_parts.h"
 
-#define LENGTH_MOST ((int64_t)1 << 50)
+#define LENGTHS_MOST ((__int128)1 << 60) /* no sum of lengths overflows then */
 
 const char *bw_fault_name(bw_fault fault) {
     static const char *const names[] = {"valid", "rectangle", "extent", "link", "region", "volume", "coincidence", "topology", "undecided"};
@@ -26,7 +26,6 @@ static void clear(bw_verifier *v) {
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(v->ctx, blocks[i]);
 }
 
-/* Where no arc has to be contracted the complex itself, with longer and shorter arcs, is the proof. */
 static bool is_positive(const bw_complex *complex, const int64_t *length) {
     for (size_t a = 0; a < complex->arc_count; a++)
         if (length[a] <= 0) return false;
@@ -34,15 +33,16 @@ static bool is_positive(const bw_complex *complex, const int64_t *length) {
 }
 
 bw_status bw_verify(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, bw_verdict *out) {
-    bw_verifier v = {.ctx = ctx, .cells = cells, .x = complex, .length = length, .verdict = out};
+    bw_verifier v = {.ctx = ctx, .cells = cells, .x = complex, .length = length, .verdict = out, .positive = is_positive(complex, length)};
     *out = (bw_verdict){.fault = BW_VALID, .id = -1, .other = -1};
-    for (size_t a = 0; a < complex->arc_count; a++)
-        if (length[a] > LENGTH_MOST || length[a] < -LENGTH_MOST) return bw_fail(ctx, BW_E_RANGE, "the length of arc %zu is too large", a);
+    __int128 all = 0;
+    for (size_t a = 0; a < complex->arc_count; a++) all += length[a] < 0 ? -(__int128)length[a] : length[a];
+    if (all > LENGTHS_MOST) return bw_fail(ctx, BW_E_RANGE, "the lengths of arcs are too large");
     bw_status status = bw_verify_place(&v);
     if (bw_verify_going(&v, status)) status = bw_verify_strata(&v);
     if (bw_verify_going(&v, status)) status = bw_verify_contacts(&v);
     if (bw_verify_going(&v, status)) status = bw_verify_contraction(&v);
-    if (bw_verify_going(&v, status) && v.too_fine && !is_positive(complex, length))
+    if (bw_verify_going(&v, status) && v.too_fine && !v.positive)
         bw_verify_fault(&v, BW_UNDECIDED, "", -1, -1, "too many planes spiral through the blocks");
     clear(&v);
     return status;

@@ -32,7 +32,7 @@ typedef enum {
     BW_FAULT_VOLUME,      /* nothing has volume */
     BW_FAULT_COINCIDENCE, /* points of critical entities coincide that do not in the complex */
     BW_FAULT_TOPOLOGY,    /* what is left is no mesh, or not one of the same shape */
-    BW_UNDECIDED          /* the contracted complex would have more than 2^21 vertices, and some length is not positive */
+    BW_UNDECIDED          /* the contracted complex would have more than 2^21 vertices, or its blocks 2^18 planes, and some length is not positive */
 } bw_fault;
 
 const char *bw_fault_name(bw_fault fault); /* "valid", "rectangle", ... */
@@ -42,11 +42,11 @@ typedef struct {
     char kind[8]; /* of the element at fault: "patch", "block", "arc", "node"; empty if it is the whole */
     int64_t id, other; /* other: a second one of the kind, or -1 */
     char message[160];
-    size_t cells; /* hexes of the contracted complex after merging alike ones; 0 if it was not needed */
+    size_t cells; /* hexes of the contracted complex after merging alike ones; 0 if it was not needed: lengths are positive, and it would be large */
 } bw_verdict;
 
-/* Decides whether `length` ([arc], counted from arc_node[a][0] to arc_node[a][1]; any integers) is valid. Errors: BW_E_RANGE for integers
- * beyond 2^50; BW_E_CHECK where the complex itself is not as bw_complex_check wants it; BW_E_MEMORY. O(n log n) in the size of the complex and of the base complex of
+/* Decides whether `length` ([arc], counted from arc_node[a][0] to arc_node[a][1]; any integers) is valid. Errors: BW_E_RANGE if they add up
+ * to more than 2^60; BW_E_CHECK where the complex itself is not as bw_complex_check wants it; BW_E_MEMORY. O(n log n) in the size of the complex and of the base complex of
  * the contracted one, which has no more cells than there are hexes. */
 bw_status bw_verify(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, bw_verdict *out);
 

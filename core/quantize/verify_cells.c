@@ -4,7 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PLANES_MOST = 1 << 18, POINTS_MOST = 1 << 21 };
+/* What is worth its time: less where the proof does not need it (bw_verifier.positive). */
+enum { PLANES_MOST = 1 << 18, POINTS_MOST = 1 << 21, POSITIVE_LESS = 6 };
+
+static size_t planes_most(const bw_verifier *v) { return (size_t)PLANES_MOST >> (v->positive ? POSITIVE_LESS : 0); }
+static size_t points_most(const bw_verifier *v) { return (size_t)POINTS_MOST >> (v->positive ? POSITIVE_LESS : 0); }
 
 /* ---- planes ---- */
 
@@ -51,7 +55,7 @@ static bw_status add_cut(cuts *c, cut item) {
         const cut *o = &c->item[c->table[h] - 1];
         if (o->at == item.at && o->slot == item.slot) return BW_OK;
     }
-    if (c->count >= PLANES_MOST) {
+    if (c->count >= planes_most(c->v)) {
         c->v->too_fine = true;
         return BW_OK;
     }
@@ -191,9 +195,9 @@ static bw_status count_elements(bw_cell_grid *g) {
     g->cube_base = bw_alloc(v->ctx, blocks + 1, sizeof *g->cube_base);
     if (v->ctx->error.status != BW_OK) return v->ctx->error.status;
     for (size_t b = 0; b < blocks; b++) {
-        size_t n[3], most = POINTS_MOST;
+        size_t n[3], most = points_most(v);
         for (int k = 0; k < 3; k++) n[k] = bw_grid_planes(g, b, k), most /= n[k];
-        v->too_fine = v->too_fine || !most || g->points > POINTS_MOST;
+        v->too_fine = v->too_fine || !most || g->points > points_most(v);
         if (v->too_fine) return BW_OK;
         g->point_base[b] = g->points, g->points += n[0] * n[1] * n[2];
         g->cube_base[b] = g->cubes, g->cubes += (n[0] - 1) * (n[1] - 1) * (n[2] - 1);

@@ -94,6 +94,7 @@ typedef struct {
     bw_contact *contact;
     size_t contact_count, contact_room;
 
+    bool positive; /* no arc has to be contracted: the complex itself, with longer and shorter arcs, is the proof */
     bool too_fine; /* the contracted complex would have too many elements */
 } bw_verifier;
 

@@ -102,11 +102,11 @@ bw_status bw_program_try(bw_context *ctx, bw_program *p, int steps, double cutof
     hand_over(p);
     Clp_setDualObjectiveLimit(p->model, cutoff);
     Clp_setMaximumIterations(p->model, steps);
-    int code = p->fresh ? Clp_initialDualSolve(p->model) : Clp_dual(p->model, 0);
+    if (p->fresh) Clp_initialDualSolve(p->model);
+    else Clp_dual(p->model, 0);
     p->fresh = false;
-    code = Clp_status(p->model);
     *value = Clp_objectiveValue(p->model);
-    switch (code) {
+    switch (Clp_status(p->model)) {
     case 0: *status = *value > cutoff ? BW_PROGRAM_INFEASIBLE : BW_PROGRAM_OPTIMAL; break;
     case 1: *status = BW_PROGRAM_INFEASIBLE; break;
     case 2: *status = BW_PROGRAM_UNBOUNDED; break;

@@ -4,7 +4,7 @@
 
 #include "kit/kit.h"
 
-enum { WORDS = 8 };
+enum { WORDS = 10 };
 
 static kit_result blockwright(const char *const words[]) {
     const char *argv[WORDS + 2] = {kit_program("blockwright")};
@@ -39,6 +39,15 @@ static const struct {
     {{"run", "a", "--out", "d", "--tolerance", "0.5"}, "tolerance is a number"},
     {{"run", "a", "--out", "d", "--until", "lunch"}, "--until is one of sanitize"},
     {{"run", "a", "--out", "d", "--quiet=yes"}, "--quiet takes no value"},
+    {{"run", "a", "--out", "d", "--quantize", "foo"}, "--quantize is one of none|positive|nonnegative|any, not 'foo'"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--scale", "-1"}, "--scale takes a number from"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--scale", "nan"}, "--scale takes a number from"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--target-hexes", "0"}, "--target-hexes takes a whole number from 1"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--scales", "1,nan"}, "--scales wants numbers"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--scales", "1,-1"}, "option scales is a list"},
+    {{"run", "a", "--out", "d", "--quantize", "any", "--scale", "2", "--coarsest"}, "only one of --scale"},
+    {{"run", "a", "--out", "d", "--scale", "2"}, "wants --quantize positive, nonnegative or any"},
+    {{"run", "a", "--out", "d", "--quantize", "none", "--rounding"}, "wants --quantize positive, nonnegative or any"},
     {{"sample"}, "which sample?"},
     {{"sample", "teapot"}, "there is no sample 'teapot'"},
     {{"sample", "cuboid", "--size", "0"}, "--size takes a whole number"},

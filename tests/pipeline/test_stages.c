@@ -65,7 +65,7 @@ static void one_process_stages_and_threads_agree(void **state) {
         bw_options options;
         bw_options_defaults(&options);
         options.complex = kinds[m];
-        options.quantize = BW_QUANTIZE_POSITIVE, options.scale = m, options.scale_count = 1, options.scales[0] = 3;
+        options.quantize = (bw_quantize_range)(BW_QUANTIZE_ANY - m % 3), options.scale = m, options.scale_count = 1, options.scales[0] = 3;
         run(input, kit_temp_path("once"), &options, 1);
         run(input, kit_temp_path("again"), &options, 1);
         run(input, kit_temp_path("threads"), &options, 2);
@@ -217,6 +217,8 @@ static void options_are_read_strictly(void **state) {
                  {"{\"max_cells\": 1.5}", BW_E_USAGE},
                  {"{\"quantize\": \"positive\", \"scale\": 0, \"target_hexes\": 7, \"time_limit\": 0.5, \"scales\": [0, 0.5, 2]}", BW_OK},
                  {"{\"quantize\": \"yes\"}", BW_E_USAGE},
+                 {"{\"quantize\": \"none\", \"scale\": 1, \"target_hexes\": 0, \"fewest_hexes\": false, \"scales\": [], \"rounding\": false}", BW_OK},
+                 {"{\"quantize\": \"any\", \"fewest_hexes\": true, \"target_hexes\": 7}", BW_E_USAGE},
                  {"{\"scale\": -1}", BW_E_USAGE},
                  {"{\"target_hexes\": 1.5}", BW_E_USAGE},
                  {"{\"scales\": 1}", BW_E_USAGE},

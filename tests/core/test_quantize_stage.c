@@ -1,5 +1,5 @@
-/* An answer that the independent check refuses, or is too large for, is replaced by that of the next narrower range, and the report says so. The check is replaced by
- * ones that refuse. */
+/* The stage: an answer that the independent check refuses, or is too large for, is replaced by that of the next narrower range, and the report says so (the check is
+ * replaced by ones that refuse); cancellation, memory that runs out, sizes beyond all numbers. */
 #include "core/verify_kit.h"
 
 #include "stage/quantize.h"
@@ -145,7 +145,52 @@ static void sizes_beyond_all_numbers_are_refused(void **state) {
     }
 }
 
+static volatile sig_atomic_t cancel;
+
+static void cancel_now(void *user, const char *stage, double fraction) {
+    (void)user, (void)stage;
+    if (fraction > 0) cancel = 1;
+}
+
+static void a_cancelled_search_ends(void **state) {
+    (void)state;
+    static bw_report report;
+    int64_t *length;
+    quantizable q;
+    open_thin(&q);
+    cancel = 0;
+    q.ctx.cancel = &cancel, q.ctx.progress = cancel_now;
+    assert_int_equal(quantize(&q, BW_QUANTIZE_ANY, NULL, &length, &report), BW_E_CANCELLED);
+    assert_int_equal(report.sweep_count, 1); /* then progress was told of */
+    bw_free(&q.ctx, length);
+    quantizable_close(&q);
+}
+
+static bw_status quantize_once(bw_context *ctx, void *user) {
+    quantizable *q = user;
+    static bw_report report;
+    int64_t *length;
+    bw_quantize_options options = {.range = BW_QUANTIZE_ANY, .seconds = 10, .rounding = true, .scale_count = 1, .scales = {0.3}};
+    bw_report_init(&report);
+    bw_status status = bw_quantize(ctx, &q->cells, &q->complex, &options, &length, &report);
+    bw_free(ctx, length);
+    return status;
+}
+
+static void each_allocation_of_the_stage_may_fail(void **state) {
+    (void)state;
+    quantizable q;
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    options.size = 1;
+    quantizable_open(&q, "cylinder", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
+    assert_true(kit_fail_each_allocation(quantize_once, &q) > 100);
+    quantizable_close(&q);
+}
+
 static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(a_cancelled_search_ends),
+    cmocka_unit_test(each_allocation_of_the_stage_may_fail),
     cmocka_unit_test(an_answer_that_is_refused_is_replaced_by_a_narrower_one),
     cmocka_unit_test(lengths_of_the_answer_are_those_of_the_narrower_range),
     cmocka_unit_test(without_a_narrower_range_the_job_fails),
