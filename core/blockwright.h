@@ -1,7 +1,7 @@
 /* Blockwright's core: from a tet mesh with a seamless parametrization to a complex of cuboid blocks.
  *
  * The only header that programs outside core include. A job is a row of stages; each reads the state that the one
- * before it left and either grows or changes it (sanitize, trace, build, reduce, quantize) or writes results (encode):
+ * before it left and either grows or changes it (sanitize, trace, build, reduce, quantize, extract) or writes results (encode):
  *
  *     input file --sanitize--> state --trace--> state --build--> state --encode--> result files
  *
@@ -20,6 +20,7 @@ typedef enum {
     BW_STAGE_BUILD,
     BW_STAGE_REDUCE,
     BW_STAGE_QUANTIZE, /* passes the state on if no quantization is asked for */
+    BW_STAGE_EXTRACT,  /* passes the state on if it has no integer-grid map */
     BW_STAGE_ENCODE,
     BW_STAGE_COUNT
 } bw_stage;
@@ -42,6 +43,8 @@ typedef struct {
     bw_stage until;      /* last stage to run */
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     bool repair;         /* sanitize may move vertices in parameter space where tets are inverted or degenerate */
+    int subdivide;         /* hexes along the edge of a unit of the quantization: 1..1000 */
+    uint64_t max_hexes;    /* work limit of extract (BW_E_LIMIT beyond) */
     bool vtk;            /* encode also writes the complex as a multi-block VTK data set */
     const char *parameters; /* side file with the parameters of a Medit mesh; NULL: none. A path, borrowed; no JSON option */
     uint64_t max_cells;  /* work limit of trace and build: cells that cuts add to the tets (BW_E_LIMIT beyond) */

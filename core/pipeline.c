@@ -11,6 +11,7 @@
 #include "format/state.h"
 #include "stage/build.h"
 #include "stage/encode.h"
+#include "stage/extract.h"
 #include "stage/quantize.h"
 #include "stage/reduce.h"
 #include "stage/sanitize.h"
@@ -154,6 +155,15 @@ static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_sta
     return bw_quantize(ctx, &state->cells, &state->complex, &how, &state->length, &state->report);
 }
 
+static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    if (!state->has_igm) return BW_OK;
+    bw_extract_options how = {options->subdivide, options->max_hexes};
+    bw_status status = bw_extract(ctx, &state->igm, &how, &state->hex, &state->report);
+    state->has_hex = status == BW_OK;
+    return status;
+}
+
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, options->vtk, &state->report, out);
 }
@@ -169,6 +179,7 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 8, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
+    [BW_STAGE_EXTRACT] = {"extract", 1, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 6, run_encode},
 };
 
@@ -191,7 +202,7 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 
 void bw_options_defaults(bw_options *options) {
     *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
-                            .scale = 1, .time_limit = 10};
+                            .scale = 1, .time_limit = 10, .subdivide = 1, .max_hexes = 10000000};
 }
 
 /* Index of a word in a list of names; -1 if it is none of them. */
@@ -272,6 +283,14 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 3)
             return bw_fail(ctx, BW_E_USAGE, "option effort is an integer from 0 to 3");
         o->effort = (int)json_integer_value(value);
+    } else if (!strcmp(name, "subdivide")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 1000)
+            return bw_fail(ctx, BW_E_USAGE, "option subdivide is an integer from 1 to 1000");
+        o->subdivide = (int)json_integer_value(value);
+    } else if (!strcmp(name, "max_hexes")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 350000000)
+            return bw_fail(ctx, BW_E_USAGE, "option max_hexes is an integer from 1 to 350000000");
+        o->max_hexes = (uint64_t)json_integer_value(value);
     } else if (!strcmp(name, "until")) {
         if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
             return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");

@@ -28,6 +28,7 @@ typedef struct {
 #define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
 #define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
 #define ROUNDING(type, name) MEMBER("quantization", "rounding", type, quantization.rounding., name)
+#define EXTRACT(type, name) MEMBER("extract", NULL, type, extract., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -140,6 +141,11 @@ static const field fields[] = {
     ROUNDING(NUMBER, coarsest_scale),
     ROUNDING(COUNT, coarsest_hexes),
     ROUNDING(NUMBER, seconds),
+    EXTRACT(COUNT, hexes),
+    EXTRACT(COUNT, vertices),
+    EXTRACT(COUNT, subdivide),
+    EXTRACT(NUMBER, seconds),
+    EXTRACT(NUMBER, seconds_check),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -156,6 +162,7 @@ static const struct {
     {"input", offsetof(bw_report, has_input)},     {"sanitize", offsetof(bw_report, has_sanitize)},
     {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
     {"quantization", offsetof(bw_report, has_quantization)},
+    {"extract", offsetof(bw_report, has_extract)},
     {"quality", offsetof(bw_report, has_quality)},
 };
 

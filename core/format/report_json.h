@@ -74,6 +74,7 @@ typedef struct {
     bool has_reduced; /* complex.reduced */
     bool has_repaired; /* sanitize.repaired */
     bool has_rounding; /* quantization.rounding */
+    bool has_extract;
 
     struct {
         char file[256]; /* name without its folder; may be empty */
@@ -126,6 +127,12 @@ typedef struct {
     bw_report_quantization quantization;
     size_t sweep_count; /* quantization.sweep */
     bw_report_sweep sweep[BW_REPORT_SWEEP];
+
+    struct { /* the hex mesh */
+        uint64_t hexes, vertices;
+        uint64_t subdivide;           /* hexes along the edge of a unit of the quantization */
+        double seconds, seconds_check;
+    } extract;
 
     struct {
         bw_report_range block_extent; /* parameter units, over all three extents of all blocks */

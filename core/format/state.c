@@ -11,8 +11,9 @@ typedef struct {
     uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
     uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, distance;
     uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, chart, torus_splits;
-    int64_t exponent;
-    uint8_t mirrored, has_cells, has_complex, has_length, unused[4];
+    uint64_t igm_vertex, igm_tet, igm_facet, igm_edge, igm_feature_vertex, igm_feature_edge, igm_feature_facet, hex_vertex, hex;
+    int64_t exponent, igm_exponent, subdivide;
+    uint8_t mirrored, has_cells, has_complex, has_length, has_igm, has_hex, unused[2];
 } counts;
 
 /* One array of the state: where its pointer is kept, and its shape. */
@@ -24,10 +25,42 @@ typedef struct {
     size_t end;
 } field;
 
-enum { FIELDS_MAX = 64 };
+enum { FIELDS_MAX = 96 };
 
 #define FIELD(tag, pointer, n) list[k++] = (field){tag, (void **)&(pointer), sizeof *(pointer), (size_t)(n), false, 0}
 #define BEGINS(tag, pointer, n, end) list[k++] = (field){tag, (void **)&(pointer), sizeof(size_t), (size_t)(n) + 1, true, (size_t)(end)}
+
+static size_t describe_igm(bw_igm *s, const counts *n, field *list) {
+    size_t k = 0;
+    FIELD("igm.position", s->mesh.position, n->igm_vertex);
+    FIELD("igm.tet", s->mesh.tet, n->igm_tet);
+    FIELD("igm.tet.id", s->mesh.tet_id, n->igm_tet);
+    FIELD("igm.tet.facet", s->mesh.tet_facet, n->igm_tet);
+    FIELD("igm.tet.edge", s->mesh.tet_edge, n->igm_tet);
+    FIELD("igm.facet", s->mesh.facet, n->igm_facet);
+    FIELD("igm.facet.tet", s->mesh.facet_tet, n->igm_facet);
+    FIELD("igm.edge", s->mesh.edge, n->igm_edge);
+    FIELD("igm.feat.v", s->mesh.feature_vertex, n->igm_feature_vertex);
+    FIELD("igm.feat.e", s->mesh.feature_edge, n->igm_feature_edge);
+    FIELD("igm.feat.f", s->mesh.feature_facet, n->igm_feature_facet);
+    FIELD("igm.value", s->map.value, n->igm_tet);
+    FIELD("igm.turn", s->map.turn, n->igm_facet);
+    FIELD("igm.align", s->map.align, n->igm_facet);
+    FIELD("igm.quarters", s->map.quarters, n->igm_edge);
+    FIELD("igm.edge.flags", s->map.edge_flags, n->igm_edge);
+    return k;
+}
+
+static size_t describe_hex(bw_hex_mesh *s, const counts *n, field *list) {
+    size_t k = 0;
+    FIELD("hex.position", s->position, n->hex_vertex);
+    FIELD("hex.held", s->held, n->hex_vertex);
+    FIELD("hex.carrier", s->carrier, n->hex_vertex);
+    FIELD("hex.corner", s->hex, n->hex);
+    FIELD("hex.block", s->block, n->hex);
+    FIELD("hex.ijk", s->ijk, n->hex);
+    return k;
+}
 
 static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     size_t k = 0;
@@ -91,6 +124,8 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("cell.chart", s->complex.cell_chart, n->cell);
     FIELD("chart", s->complex.chart, n->chart);
     if (n->has_length) FIELD("arc.integer", s->length, n->arc);
+    if (n->has_igm) k += describe_igm(&s->igm, n, list + k);
+    if (n->has_hex) k += describe_hex(&s->hex, n, list + k);
     return k;
 }
 
@@ -105,6 +140,14 @@ static counts count_state(const bw_state *s) {
     n.feature_edge = m->feature_edge_count, n.feature_facet = m->feature_facet_count;
     n.exponent = s->map.exponent, n.mirrored = m->mirrored;
     n.has_cells = s->has_cells, n.has_complex = s->has_complex, n.has_length = s->length != NULL;
+    n.has_igm = s->has_igm, n.has_hex = s->has_hex;
+    if (s->has_igm) {
+        const bw_tet_mesh *g = &s->igm.mesh;
+        n.igm_vertex = g->vertex_count, n.igm_tet = g->tet_count, n.igm_facet = g->facet_count, n.igm_edge = g->edge_count;
+        n.igm_feature_vertex = g->feature_vertex_count, n.igm_feature_edge = g->feature_edge_count, n.igm_feature_facet = g->feature_facet_count;
+        n.igm_exponent = s->igm.map.exponent;
+    }
+    if (s->has_hex) n.hex_vertex = s->hex.vertex_count, n.hex = s->hex.hex_count, n.subdivide = s->hex.subdivide;
     if (s->has_cells) {
         n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
         n.cell_polygon = c->polygon_count, n.cell = c->cell_count;
@@ -135,6 +178,11 @@ static void set_counts(bw_state *s, const counts *n) {
     c->cell_count = c->cell_room = n->cell, c->cut_room = c->section_room = n->cell - (n->has_cells ? n->tet : 0);
     x->node_count = n->node, x->arc_count = n->arc, x->patch_count = n->patch, x->block_count = n->block;
     x->chart_count = n->chart, x->torus_splits = n->torus_splits, x->cell_count = n->cell;
+    bw_tet_mesh *g = &s->igm.mesh;
+    g->vertex_count = n->igm_vertex, g->tet_count = n->igm_tet, g->facet_count = n->igm_facet, g->edge_count = n->igm_edge;
+    g->feature_vertex_count = n->igm_feature_vertex, g->feature_edge_count = n->igm_feature_edge, g->feature_facet_count = n->igm_feature_facet;
+    s->has_igm = n->has_igm, s->igm.map.exponent = (int32_t)n->igm_exponent;
+    s->has_hex = n->has_hex, s->hex.vertex_count = n->hex_vertex, s->hex.hex_count = n->hex, s->hex.subdivide = (int32_t)n->subdivide;
 }
 
 void bw_state_init(bw_state *state) {
@@ -149,7 +197,9 @@ void bw_state_clear(bw_context *ctx, bw_state *state) {
     bw_cells_clear(ctx, &state->cells);
     bw_grid_map_clear(ctx, &state->map);
     bw_tet_mesh_clear(ctx, &state->mesh);
-    state->has_cells = state->has_complex = false;
+    bw_hex_mesh_clear(ctx, &state->hex);
+    bw_igm_clear(ctx, &state->igm);
+    state->has_cells = state->has_complex = state->has_igm = state->has_hex = false;
 }
 
 bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path) {
@@ -173,9 +223,12 @@ static bool counts_fit(const counts *n) {
     uint64_t any_cells = 0, any_complex = 0;
     for (const uint64_t *size = &n->cell_vertex; size <= &n->distance; size++) any_cells |= *size;
     for (const uint64_t *size = &n->node; size <= &n->torus_splits; size++) any_complex |= *size;
+    uint64_t any_igm = 0;
+    for (const uint64_t *size = &n->igm_vertex; size <= &n->igm_feature_facet; size++) any_igm |= *size;
     return n->has_cells <= 1 && n->has_complex <= n->has_cells && n->has_length <= n->has_complex &&
            (n->has_cells ? n->cell >= n->tet : !any_cells) && (n->has_complex || !any_complex) &&
-           n->exponent == (int32_t)n->exponent;
+           n->has_igm <= n->has_length && n->has_hex <= n->has_length && (n->has_igm || !any_igm) && (n->has_hex || !(n->hex | n->hex_vertex)) &&
+           n->exponent == (int32_t)n->exponent && n->igm_exponent == (int32_t)n->igm_exponent && n->subdivide == (int32_t)n->subdivide;
 }
 
 static bool begins_fit(const field *f, const size_t *begin) {

@@ -1,7 +1,7 @@
 /* The state of a job between two stages, and its file: what one worker leaves for the next.
  *
  * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too, after quantize
- * integer lengths if they were asked for; the report always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
+ * integer lengths if they were asked for, then an integer-grid map, after extract its hex mesh; the report always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
  * own blocks. State files are written and read by this program only and carry a checksum: once that is right, sizes and
  * offsets are checked all the same, so that reading and writing are safe whatever the file is; what the elements say is trusted.
  *
@@ -11,6 +11,8 @@
 #define BW_FORMAT_STATE_H
 
 #include "format/report_json.h"
+#include "hex/hexmesh.h"
+#include "igm/igm.h"
 
 typedef struct {
     bw_tet_mesh mesh;
@@ -18,8 +20,10 @@ typedef struct {
     bw_cells cells; /* borrows mesh and map of the same state: a bw_state must not be moved */
     bw_complex complex;
     int64_t *length; /* [arc] integer lengths (stage quantize); NULL: none */
+    bw_igm igm;      /* if has_igm */
+    bw_hex_mesh hex; /* stage extract; if has_hex */
     bw_report report;
-    bool has_cells, has_complex;
+    bool has_cells, has_complex, has_igm, has_hex;
 } bw_state;
 
 void bw_state_init(bw_state *state);

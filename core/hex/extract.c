@@ -195,7 +195,7 @@ static bw_status join_hexes(bw_context *ctx, const bw_hex_vertices *points, cons
     return status;
 }
 
-bw_status bw_extract(bw_context *ctx, const bw_igm *igm, int32_t subdivide, uint64_t max_hexes, bw_hex_mesh *mesh, bw_hex_origin *origin) {
+bw_status bw_hex_extract(bw_context *ctx, const bw_igm *igm, int32_t subdivide, uint64_t max_hexes, bw_hex_mesh *mesh, bw_hex_origin *origin) {
     bw_hex_vertices points;
     memset(mesh, 0, sizeof *mesh);
     memset(origin, 0, sizeof *origin);

@@ -26,6 +26,6 @@ void bw_hex_origin_clear(bw_context *ctx, bw_hex_origin *origin);
 /* Extracts hexes of 1/subdivide of a unit; block is BW_NONE throughout. Requires a map that bw_igm_check accepts. Errors: BW_E_LIMIT naming the number of hexes if there
  * are more than max_hexes; BW_E_RANGE if they are finer than the grid; BW_E_CHECK if they do not fill the map; BW_E_MEMORY, BW_E_CANCELLED.
  * O(tets + hexes). */
-bw_status bw_extract(bw_context *ctx, const bw_igm *igm, int32_t subdivide, uint64_t max_hexes, bw_hex_mesh *mesh, bw_hex_origin *origin);
+bw_status bw_hex_extract(bw_context *ctx, const bw_igm *igm, int32_t subdivide, uint64_t max_hexes, bw_hex_mesh *mesh, bw_hex_origin *origin);
 
 #endif

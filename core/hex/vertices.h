@@ -27,7 +27,7 @@ typedef struct {
     bw_hvertex *id;         /* of points */
 } bw_hex_vertices;
 
-/* Counts and makes room in *points, *mesh and *origin; then fills all but the hexes' corners. On failure too all three are to be cleared. Errors as bw_extract. */
+/* Counts and makes room in *points, *mesh and *origin; then fills all but the hexes' corners. On failure too all three are to be cleared. Errors as bw_hex_extract. */
 bw_status bw_hex_vertices_init(bw_context *ctx, const bw_igm *igm, int32_t subdivide, uint64_t max_hexes, bw_hex_vertices *points, bw_hex_mesh *mesh, bw_hex_origin *origin);
 void bw_hex_vertices_clear(bw_context *ctx, bw_hex_vertices *points);
 

@@ -76,7 +76,7 @@ static inline void extractable_open_file(extractable *x, const char *path) {
 }
 
 static inline void extractable_extract(extractable *x, int32_t subdivide) {
-    kit_expect_ok(&x->ctx, bw_extract(&x->ctx, &x->igm, subdivide, 10000000, &x->mesh, &x->origin));
+    kit_expect_ok(&x->ctx, bw_hex_extract(&x->ctx, &x->igm, subdivide, 10000000, &x->mesh, &x->origin));
 }
 
 static inline void extractable_drop(extractable *x) {
@@ -86,8 +86,7 @@ static inline void extractable_drop(extractable *x) {
 
 static inline void extractable_close(extractable *x) {
     extractable_drop(x);
-    bw_grid_map_clear(&x->ctx, &x->igm.map);
-    bw_tet_mesh_clear(&x->ctx, &x->igm.mesh);
+    bw_igm_clear(&x->ctx, &x->igm);
     assert_int_equal(x->ctx.memory.used, 0);
 }
 

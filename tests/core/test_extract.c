@@ -3,6 +3,8 @@
 
 #include <gmp.h>
 
+#include "hex/topology.h"
+
 /* ---- the second way: everything in rationals, one point at a time ---- */
 
 typedef struct {
@@ -258,18 +260,6 @@ static void flat_manifolds_agree_with_walks_in_rationals(void **state) {
     }
 }
 
-static int euler_of_tets(const bw_tet_mesh *m) {
-    uint8_t *used = calloc(m->vertex_count, 1);
-    int vertices = 0;
-    for (size_t i = 0; i < 4 * m->tet_count; i++) {
-        bw_vertex v = m->tet[i / 4][i % 4];
-        if (!used[v]++) vertices++;
-        used[v] = 1;
-    }
-    free(used);
-    return vertices - (int)m->edge_count + (int)m->facet_count - (int)m->tet_count;
-}
-
 static void meshes_are_valid_and_of_the_right_number(void **state) {
     (void)state;
     size_t count;
@@ -281,9 +271,32 @@ static void meshes_are_valid_and_of_the_right_number(void **state) {
             extractable_extract(&x, n);
             kit_expect_ok(&x.ctx, bw_hex_mesh_check(&x.ctx, &x.mesh));
             assert_int_equal(x.mesh.subdivide, n);
-            if (n == 1) assert_int_equal(euler_of_tets(&x.igm.mesh), models[i].euler);
+            bw_topology tets, hexes;
+            kit_expect_ok(&x.ctx, bw_tet_mesh_topology(&x.ctx, &x.igm.mesh, &tets));
+            kit_expect_ok(&x.ctx, bw_hex_mesh_topology(&x.ctx, &x.mesh, &hexes));
+            assert_int_equal(tets.euler, models[i].euler);
+            assert_int_equal(hexes.euler, models[i].euler);
+            assert_int_equal(tets.components, 1);
+            assert_int_equal(hexes.components, 1);
             extractable_close(&x);
         }
+}
+
+static void maps_that_leave_the_grid_are_refused(void **state) {
+    (void)state;
+    extractable x;
+    extractable_open(&x, "cylinder", 2, 0.5, 1, 4);
+    kit_expect_ok(&x.ctx, bw_igm_check(&x.ctx, &x.igm));
+    for (size_t t = 0; t < x.igm.mesh.tet_count; t++)
+        for (int i = 0; i < 4; i++) x.igm.map.value[t][i][1] += (int64_t)1 << (x.igm.map.exponent - 1);
+    assert_int_equal(bw_igm_check(&x.ctx, &x.igm), BW_E_CHECK);
+    x.ctx.error.status = BW_OK;
+    for (size_t t = 0; t < x.igm.mesh.tet_count; t++)
+        for (int i = 0; i < 4; i++) x.igm.map.value[t][i][1] -= (int64_t)1 << (x.igm.map.exponent - 1);
+    kit_expect_ok(&x.ctx, bw_igm_check(&x.ctx, &x.igm));
+    x.igm.map.exponent += 3; /* a unit of eight cells, which nothing here is a multiple of */
+    assert_int_equal(bw_igm_check(&x.ctx, &x.igm), BW_E_CHECK);
+    extractable_close(&x);
 }
 
 static void threads_change_nothing(void **state) {
@@ -308,7 +321,7 @@ static void too_many_hexes_are_refused_with_their_number(void **state) {
     (void)state;
     extractable x;
     extractable_open(&x, "cuboid", 3, 0.5, 0, 1);
-    assert_int_equal(bw_extract(&x.ctx, &x.igm, 10, 100, &x.mesh, &x.origin), BW_E_LIMIT);
+    assert_int_equal(bw_hex_extract(&x.ctx, &x.igm, 10, 100, &x.mesh, &x.origin), BW_E_LIMIT);
     assert_non_null(strstr(x.ctx.error.message, "hexes, more than 100"));
     extractable_close(&x);
 }
@@ -316,7 +329,7 @@ static void too_many_hexes_are_refused_with_their_number(void **state) {
 static bw_status extract_again(bw_context *ctx, void *user) {
     bw_hex_mesh mesh;
     bw_hex_origin origin;
-    bw_status status = bw_extract(ctx, user, 1, 100000, &mesh, &origin);
+    bw_status status = bw_hex_extract(ctx, user, 1, 100000, &mesh, &origin);
     bw_hex_mesh_clear(ctx, &mesh);
     bw_hex_origin_clear(ctx, &origin);
     return status;
@@ -335,6 +348,7 @@ int main(void) {
         cmocka_unit_test(models_agree_with_walks_in_rationals),
         cmocka_unit_test(flat_manifolds_agree_with_walks_in_rationals),
         cmocka_unit_test(meshes_are_valid_and_of_the_right_number),
+        cmocka_unit_test(maps_that_leave_the_grid_are_refused),
         cmocka_unit_test(threads_change_nothing),
         cmocka_unit_test(too_many_hexes_are_refused_with_their_number),
         cmocka_unit_test(each_allocation_may_fail),

@@ -1,0 +1,47 @@
+#include "hex/topology.h"
+
+#include "hex/incidence.h"
+
+static int32_t find(int32_t *parent, int32_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+/* Joins the vertices of cells of n corners each and counts what hangs together; vertices of no cell are not counted. */
+static bw_status join_cells(bw_context *ctx, const int32_t *corner, size_t cells, size_t n, size_t vertex_count, size_t *used, size_t *components) {
+    int32_t *parent = bw_alloc(ctx, vertex_count, sizeof *parent);
+    if (!parent) return ctx->error.status;
+    for (size_t v = 0; v < vertex_count; v++) parent[v] = BW_NONE;
+    for (size_t i = 0; i < cells * n; i++) {
+        int32_t v = corner[i], w = corner[i / n * n];
+        if (parent[v] == BW_NONE) parent[v] = v;
+        parent[find(parent, v)] = find(parent, w);
+    }
+    *used = *components = 0;
+    for (size_t v = 0; v < vertex_count; v++) *used += parent[v] != BW_NONE, *components += parent[v] == (int32_t)v;
+    bw_free(ctx, parent);
+    return BW_OK;
+}
+
+bw_status bw_hex_mesh_topology(bw_context *ctx, const bw_hex_mesh *mesh, bw_topology *out) {
+    size_t used, doubled = 0;
+    uint32_t *mate = NULL;
+    bw_hex_edges edges = {0};
+    bw_status status = join_cells(ctx, mesh->hex_count ? mesh->hex[0] : NULL, mesh->hex_count, 8, mesh->vertex_count, &used, &out->components);
+    if (status == BW_OK) status = bw_hex_mates(ctx, mesh, &mate);
+    if (status == BW_OK) status = bw_hex_edges_init(ctx, mesh, &edges);
+    if (status == BW_OK) {
+        for (size_t i = 0; i < 6 * mesh->hex_count; i++) doubled += mate[i] != BW_HEX_NO_MATE;
+        out->euler = (int64_t)used - (int64_t)edges.begin[mesh->vertex_count] + (int64_t)(6 * mesh->hex_count - doubled / 2) - (int64_t)mesh->hex_count;
+    }
+    bw_hex_edges_clear(ctx, &edges);
+    bw_free(ctx, mate);
+    return status;
+}
+
+bw_status bw_tet_mesh_topology(bw_context *ctx, const bw_tet_mesh *mesh, bw_topology *out) {
+    size_t used;
+    bw_status status = join_cells(ctx, mesh->tet_count ? mesh->tet[0] : NULL, mesh->tet_count, 4, mesh->vertex_count, &used, &out->components);
+    if (status == BW_OK) out->euler = (int64_t)used - (int64_t)mesh->edge_count + (int64_t)mesh->facet_count - (int64_t)mesh->tet_count;
+    return status;
+}
