@@ -5,7 +5,7 @@
 #include <string.h>
 #include <zlib.h>
 
-#include "format/hex_groups.h"
+#include "format/hex_grid.h"
 #include "format/output.h"
 
 _Static_assert(FLT_EVAL_METHOD == 0, "predictions are sums of doubles, rounded after each step");
@@ -34,48 +34,18 @@ typedef struct {
 
 /* ---- a block as a grid of vertices --------------------------------------------------------------------------------- */
 
-static size_t point_at(const uint32_t n[3], uint32_t x, uint32_t y, uint32_t z) {
-    return x + (n[0] + 1) * (y + (size_t)(n[1] + 1) * z);
-}
-
-/* Its size, if its hexes fill a box. */
-static bool measure(const encoder *e, size_t g, uint32_t n[3]) {
-    const bw_hex_groups *b = &e->blocks;
-    n[0] = n[1] = n[2] = 0;
-    for (size_t i = b->begin[g]; i < b->begin[g + 1]; i++)
-        for (int k = 0; k < 3; k++) {
-            int32_t at = e->mesh->ijk[b->item[i]][k];
-            if (at < 0 || at == INT32_MAX) return false;
-            if ((uint32_t)at >= n[k]) n[k] = (uint32_t)at + 1;
-        }
-    size_t count = b->begin[g + 1] - b->begin[g];
-    return b->key[g] != BW_NONE && n[0] <= count && n[1] <= count / n[0] && (size_t)n[0] * n[1] * n[2] == count;
-}
-
-/* Fills the grid; false if hexes disagree, or a point inside is met by others too: then a part is listed hex by hex. */
+/* Fills the grid; false if a part is to be listed hex by hex: no grid, or a point inside is met by others too. */
 static bool fill_grid(encoder *e, size_t g, const uint32_t n[3]) {
-    size_t points = point_at(n, n[0], n[1], n[2]) + 1;
-    memset(e->grid, 0xff, points * sizeof *e->grid);
-    for (size_t i = e->blocks.begin[g]; i < e->blocks.begin[g + 1]; i++) {
-        size_t h = e->blocks.item[i];
-        const int32_t *at = e->mesh->ijk[h];
-        for (uint32_t c = 0; c < 8; c++) {
-            bw_hvertex *to = &e->grid[point_at(n, (uint32_t)at[0] + (c & 1), (uint32_t)at[1] + (c >> 1 & 1), (uint32_t)at[2] + (c >> 2))];
-            if (*to >= 0 && *to != e->mesh->hex[h][c]) return false;
-            *to = e->mesh->hex[h][c];
-        }
-    }
-    for (size_t p = 0; p < points; p++)
-        if (e->grid[p] < 0) return false; /* then some hex is there twice */
+    if (!bw_hex_grid_fill(e->mesh, &e->blocks, g, n, e->grid)) return false;
     for (uint32_t z = 1; z < n[2]; z++)
         for (uint32_t y = 1; y < n[1]; y++)
             for (uint32_t x = 1; x < n[0]; x++)
-                if (e->uses[e->grid[point_at(n, x, y, z)]] != 8) return false;
+                if (e->uses[e->grid[bw_hex_grid_point(n, x, y, z)]] != 8) return false;
     return true;
 }
 
 static bw_status make_room(encoder *e, const uint32_t n[3]) {
-    size_t points = point_at(n, n[0], n[1], n[2]) + 1;
+    size_t points = bw_hex_grid_points(n);
     if (points <= e->grid_room) return BW_OK;
     bw_free(e->ctx, e->grid);
     e->grid_room = 0;
@@ -134,7 +104,7 @@ static bw_status push(encoder *e, numbers *list, uint32_t value) {
  * that was guessed at. */
 static int64_t guess(const encoder *e, const uint32_t n[3], const uint32_t x[3], int64_t last) {
     const size_t step[3] = {1, n[0] + 1, (size_t)(n[0] + 1) * (n[1] + 1)};
-    const bw_hvertex *p = e->grid + point_at(n, x[0], x[1], x[2]);
+    const bw_hvertex *p = e->grid + bw_hex_grid_point(n, x[0], x[1], x[2]);
     int inside[3], count = 0;
     for (int k = 0; k < 3; k++)
         if (x[k] > 0 && x[k] < n[k]) inside[count++] = k;
@@ -151,7 +121,7 @@ static int64_t guess(const encoder *e, const uint32_t n[3], const uint32_t x[3],
 
 static bw_status take_point(encoder *e, const uint32_t n[3], const uint32_t x[3], int64_t *last) {
     const size_t step[3] = {1, n[0] + 1, (size_t)(n[0] + 1) * (n[1] + 1)};
-    const bw_hvertex *p = e->grid + point_at(n, x[0], x[1], x[2]);
+    const bw_hvertex *p = e->grid + bw_hex_grid_point(n, x[0], x[1], x[2]);
     bool fresh = e->number[*p] < 0, outside = false;
     for (int k = 0; k < 3; k++) outside |= x[k] == 0 || x[k] == n[k];
     if (outside) {
@@ -200,7 +170,7 @@ static bw_status take_part(encoder *e, size_t g) {
     size_t from = e->blocks.begin[g], to = e->blocks.begin[g + 1];
     uint32_t n[3];
     part->block = e->blocks.key[g];
-    if (measure(e, g, n)) {
+    if (bw_hex_grid_measure(e->mesh, &e->blocks, g, n)) {
         bw_status status = make_room(e, n);
         if (status != BW_OK) return status;
         if (fill_grid(e, g, n)) {

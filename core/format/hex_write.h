@@ -38,4 +38,9 @@ bw_status bw_hex_write_ovm(bw_context *ctx, const bw_hex_mesh *mesh, const bw_he
 /* Abaqus. C3D8 elements in the set HEXES; ELSET BLOCK_N (BLOCK_NONE: not known), NSET and SURFACE SURFACE_N. */
 bw_status bw_hex_write_inp(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
 
+/* CGNS, as an ADF file: a structured zone "Block_N" per block; wherever two blocks meet, GridConnectivity1to1 on rectangles as large as can be, in both; conditions BCWall
+ * named "Surface_N" on sides of the boundary, with a family each. If a hex has no place in a block that fills its box, all hexes are one unstructured zone "Hexes",
+ * with sections of quads and conditions for the surfaces. Also BW_E_LIMIT for more than 2^31 coordinates, connections or the like: the library counts in 32 bits. */
+bw_status bw_hex_write_cgns(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
 #endif

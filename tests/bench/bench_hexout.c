@@ -22,7 +22,7 @@ static const struct {
     writer *write;
 } formats[] = {
     {"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
-    {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"bwh", bw_hex_write_bwh},
+    {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"cgns", bw_hex_write_cgns}, {"bwh", bw_hex_write_bwh},
 };
 
 static void need(bw_context *ctx, bool good) {

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""usage: hex_readers.py meshio|vtk|gmsh|cgns|ovm FOLDER
+"""usage: hex_readers.py meshio|vtk|gmsh|cgns|cgnscheck|ovm FOLDER
 
 Reads every NAME.<format> of the folder with a program that is not ours, and compares it with NAME.json (hex_files.h): positions to the last bit, corners in
 order, blocks, ijk, surfaces, edges; every hex positive. Prints what was read. Exit status 0 all right, 1 a difference, 77 the program is not installed.
@@ -220,6 +220,53 @@ def run_gmsh(path, truth):
     return True
 
 
+# ---- CGNS: VTK's reader, and the tool that checks files against the standard
+
+def run_cgns(path, truth):
+    if not path.endswith(".cgns"):
+        return False
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
+    reader = vtkCGNSReader()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    reader.EnableAllBases()
+    reader.Update()
+    expect(reader.GetErrorCode() == 0 and reader.GetOutput().GetNumberOfBlocks() == 1, "VTK reports an error")
+    base = reader.GetOutput().GetBlock(0)
+    shapes = {}  # of every block: corners of its hexes by place
+    for hex, block, ijk in zip(truth.hexes, truth.block, truth.ijk):
+        shapes.setdefault(block, {})[tuple(ijk)] = [truth.points[v] for v in hex]
+    if min(truth.block) < 0:
+        expect(base.GetNumberOfBlocks() == 1, "one zone")
+        grid = base.GetBlock(0)
+        points = plain(vtk_to_numpy(grid.GetPoints().GetData()))
+        same("points", points, truth.points)
+        hexes = [[grid.GetCell(c).GetPointId(i) for i in range(8)] for c in range(grid.GetNumberOfCells()) if grid.GetCellType(c) == 12]
+        same("hexes", hexes, truth.hexes)
+        positive(points, hexes)
+        return True
+    expect(base.GetNumberOfBlocks() == len(shapes), "number of zones")
+    for zone, block in enumerate(sorted(shapes)):
+        grid, shape = base.GetBlock(zone), shapes[block]
+        points, n = plain(vtk_to_numpy(grid.GetPoints().GetData())), grid.GetDimensions()
+        expect(len(shape) == (n[0] - 1) * (n[1] - 1) * (n[2] - 1), f"size of block {block}")
+        for (i, j, k), corners in shape.items():
+            at = [i + a + n[0] * (j + b + n[1] * (k + c)) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            same(f"hex {i} {j} {k} of block {block}", [points[p] for p in at], corners)
+            expect(scaled_jacobian(points, at) > 0, "a hex is not positive")
+    return True
+
+
+def run_cgnscheck(path, truth):
+    if not path.endswith(".cgns"):
+        return False
+    done = subprocess.run(["cgnscheck", path], capture_output=True, text=True)
+    faults = [line for line in done.stdout.split("\n") if line.startswith(("ERROR", "WARNING"))]
+    expect(done.returncode == 0 and not faults, "; ".join(faults) or done.stderr)
+    return True
+
+
 # ---- OpenVolumeMesh: what its kernel for hexahedral meshes asks of a file
 
 def run_ovm(path, truth):
@@ -266,7 +313,8 @@ def run_ovm(path, truth):
     return True
 
 
-READERS = {"meshio": (run_meshio, "meshio", None), "vtk": (run_vtk, "vtkmodules.vtkIOXML", None), "gmsh": (run_gmsh, None, "gmsh"), "ovm": (run_ovm, None, None)}
+READERS = {"meshio": (run_meshio, "meshio", None), "vtk": (run_vtk, "vtkmodules.vtkIOXML", None), "gmsh": (run_gmsh, None, "gmsh"),
+           "cgns": (run_cgns, "vtkmodules.vtkIOCGNSReader", None), "cgnscheck": (run_cgnscheck, None, "cgnscheck"), "ovm": (run_ovm, None, None)}
 
 
 def main():

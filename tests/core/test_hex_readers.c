@@ -12,6 +12,7 @@ static const struct {
 } formats[] = {
     {"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu},
     {"msh", bw_hex_write_msh},    {"ovm", bw_hex_write_ovm}, {"inp", bw_hex_write_inp},
+    {"cgns", bw_hex_write_cgns},
 };
 
 static int write_all(void **state) {
@@ -55,6 +56,14 @@ static void gmsh_reads_what_was_written(void **state) {
     (void)state;
     read_with("gmsh");
 }
+static void vtk_reads_the_zones_that_were_written(void **state) {
+    (void)state;
+    read_with("cgns");
+}
+static void cgnscheck_finds_nothing(void **state) {
+    (void)state;
+    read_with("cgnscheck");
+}
 static void an_openvolumemesh_file_is_what_its_kernel_asks_for(void **state) {
     (void)state;
     read_with("ovm");
@@ -64,6 +73,8 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(meshio_reads_what_was_written),
     cmocka_unit_test(vtk_reads_what_was_written),
     cmocka_unit_test(gmsh_reads_what_was_written),
+    cmocka_unit_test(vtk_reads_the_zones_that_were_written),
+    cmocka_unit_test(cgnscheck_finds_nothing),
     cmocka_unit_test(an_openvolumemesh_file_is_what_its_kernel_asks_for),
 };
 

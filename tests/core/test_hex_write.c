@@ -12,7 +12,7 @@ static const struct {
     const char *extension;
     writer *write;
 } formats[] = {{"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
-             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"bwh", bw_hex_write_bwh}};
+             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"bwh", bw_hex_write_bwh}, {"cgns", bw_hex_write_cgns}};
 enum { FORMATS = sizeof formats / sizeof *formats };
 
 /* ---- Medit, read back token by token ------------------------------------------------------------------------------- */
