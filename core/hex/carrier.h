@@ -6,7 +6,9 @@
 #ifndef BW_HEX_CARRIER_H
 #define BW_HEX_CARRIER_H
 
+#include "hex/hexmesh.h"
 #include "igm/igm.h"
+#include "mesh/cells.h" /* bw_carrier */
 
 typedef struct {
     uint8_t *facet;      /* [facet] BW_HELD_SURFACE or _NOT */
@@ -20,5 +22,21 @@ typedef struct {
 
 bw_status bw_carriers_init(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_carriers *carriers);
 void bw_carriers_clear(bw_context *ctx, bw_carriers *carriers);
+
+/* What bw_hex_mesh says of a vertex. */
+typedef struct {
+    int32_t carrier;
+    uint8_t held; /* BW_HELD_* */
+} bw_hold;
+
+/* Of a point in the interior of a simplex (of a vertex: itself), `within` being a tet that has it. */
+static inline bw_hold bw_carriers_hold(const bw_carriers *c, bw_carrier kind, int32_t simplex, bw_tet within) {
+    bw_hold hold = {within, BW_HELD_NOT};
+    if (kind == BW_IN_FACET) hold = (bw_hold){simplex, c->facet[simplex]};
+    if (kind == BW_IN_EDGE) hold = (bw_hold){c->edge[simplex] == BW_HELD_CURVE ? simplex : c->edge_on[simplex], c->edge[simplex]};
+    if (kind == BW_IN_VERTEX) hold = (bw_hold){c->vertex[simplex] == BW_HELD_POINT ? simplex : c->vertex_on[simplex], c->vertex[simplex]};
+    if (hold.held == BW_HELD_NOT) hold.carrier = within;
+    return hold;
+}
 
 #endif

@@ -111,7 +111,6 @@ _Static_assert(sizeof(tally) == 5 * sizeof(uint32_t), "a tally is five counts");
 static void fill_vertex(const filling *f, bw_tet t, const bw_lattice_tet *tet, const bw_lattice_row *row, int64_t k, uint8_t mask, bw_hvertex v) {
     const bw_hex_vertices *p = f->points;
     const bw_tet_mesh *mesh = &p->lattice.igm->mesh;
-    const bw_carriers *c = &p->carriers;
     double weight[4], sum = 0, *at = f->mesh->position[v];
     int corner[4], n = 0, on = 0;
     for (int i = 0; i < 4; i++) {
@@ -127,18 +126,12 @@ static void fill_vertex(const filling *f, bw_tet t, const bw_lattice_tet *tet, c
     for (int j = 0; j < 3; j++) at[j] = 0;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < 3; j++) at[j] += (n == 1 ? 1 : weight[i] / sum) * mesh->position[mesh->tet[t][corner[i]]][j];
-    int32_t held = BW_HELD_NOT, carrier = t;
-    if (n == 3) {
-        held = c->facet[mesh->tet_facet[t][on]], carrier = mesh->tet_facet[t][on];
-    } else if (n == 2) {
-        bw_edge e = mesh->tet_edge[t][bw_tet_edge_of[corner[0]][corner[1]]];
-        held = c->edge[e], carrier = held == BW_HELD_CURVE ? e : c->edge_on[e];
-    } else if (n == 1) {
-        bw_vertex w = mesh->tet[t][corner[0]];
-        held = c->vertex[w], carrier = held == BW_HELD_POINT ? w : c->vertex_on[w];
-    }
-    f->mesh->held[v] = (uint8_t)held;
-    f->mesh->carrier[v] = held == BW_HELD_NOT ? t : carrier;
+    bw_hold hold = {t, BW_HELD_NOT};
+    if (n == 3) hold = bw_carriers_hold(&p->carriers, BW_IN_FACET, mesh->tet_facet[t][on], t);
+    if (n == 2) hold = bw_carriers_hold(&p->carriers, BW_IN_EDGE, mesh->tet_edge[t][bw_tet_edge_of[corner[0]][corner[1]]], t);
+    if (n == 1) hold = bw_carriers_hold(&p->carriers, BW_IN_VERTEX, mesh->tet[t][corner[0]], t);
+    f->mesh->held[v] = hold.held;
+    f->mesh->carrier[v] = hold.carrier;
 }
 
 static void fill_vertices(const filling *f, bw_tet t, const bw_lattice_tet *tet, uint16_t own) {

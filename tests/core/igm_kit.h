@@ -20,6 +20,22 @@ static inline void igm_quantize(quantizable *q, bw_quantize_range range, double 
     bw_quantizer_close(&q->ctx, &z);
 }
 
+/* Number of hexes that q->length promises. */
+static inline size_t igm_hexes(const quantizable *q) {
+    size_t hexes = 0;
+    for (size_t b = 0; b < q->complex.block_count; b++) {
+        size_t volume = 1;
+        for (size_t axis = 0; axis < 3; axis++) {
+            int64_t extent = 0;
+            for (size_t i = q->complex.block_edge_begin[12 * b + 4 * axis]; i < q->complex.block_edge_begin[12 * b + 4 * axis + 1]; i++)
+                extent += q->length[q->complex.block_edge[i] >> 1];
+            volume *= (size_t)extent;
+        }
+        hexes += volume;
+    }
+    return hexes;
+}
+
 /* A corner's coordinates for integer values of the unknowns. */
 static inline void frame_value(const bw_frame_tet *t, int corner, const int64_t *x, int64_t out[3]) {
     for (int k = 0; k < 3; k++)
