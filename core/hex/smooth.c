@@ -15,16 +15,22 @@ typedef struct {
     double (*start)[3], (*best)[3], (*before)[3]; /* positions: as they came in, of the best state, of the round before */
     double *x;                                    /* variables; room for 3 per vertex */
     bw_smooth_state now, least;                   /* of the mesh, of `best` */
+    int iterations;                               /* of a round of improving */
+    double part;                                  /* progress */
 } smoothing;
 
 void bw_smooth_options_defaults(bw_smooth_options *options) {
-    *options = (bw_smooth_options){.rounds = 20, .iterations = 30, .leave = 0};
+    *options = (bw_smooth_options){.rounds = 24, .work = 2500000, .whole = 50000, .leave = 0.1};
 }
 
-static bool better(const bw_smooth_state *a, const bw_smooth_state *b) {
+static double score(const bw_smooth_state *a) { return a->mean + 2 * fmin(a->least, enough); }
+
+/* Whether state a is to be preferred to b: never with more corners that are not positive than at the start. */
+static bool better(const smoothing *w, const bw_smooth_state *a, const bw_smooth_state *b) {
+    if (a->corners > w->report->before.corners) return false;
+    if (a->hexes != b->hexes) return a->hexes < b->hexes;
     if (a->corners != b->corners) return a->corners < b->corners;
-    double x = fmin(a->least, enough), y = fmin(b->least, enough);
-    return x != y ? x > y : a->mean > b->mean;
+    return score(a) > score(b);
 }
 
 static void copy(smoothing *w, double (*to)[3], double (*from)[3]) { memcpy(to, from, w->s.mesh->vertex_count * sizeof *to); }
@@ -32,13 +38,20 @@ static void copy(smoothing *w, double (*to)[3], double (*from)[3]) { memcpy(to, 
 /* Measures the mesh, and keeps it if it is the best so far. */
 static bw_status judge(bw_context *ctx, smoothing *w) {
     if (bw_smoother_measure(ctx, &w->s, &w->now)) return ctx->error.status;
-    if (better(&w->now, &w->least)) w->least = w->now, copy(w, w->best, w->s.mesh->position);
+    if (better(w, &w->now, &w->least)) w->least = w->now, copy(w, w->best, w->s.mesh->position);
     return BW_OK;
 }
 
+/* Back to the best mesh so far; hexes are measured again, all of them. */
+static bw_status return_to_best(bw_context *ctx, smoothing *w) {
+    copy(w, w->s.mesh->position, w->best);
+    bw_smoother_activate(&w->s, 2, 0);
+    return bw_smoother_measure(ctx, &w->s, &w->now);
+}
+
 /* One round: descent in the directions that are free now, projection. gain: the part of the energy that was lost. */
-static bw_status descend(bw_context *ctx, smoothing *w, double *gain) {
-    const bw_lbfgs_options options = {.iterations = w->options->iterations, .step = 0.05, .settled = 1e-5};
+static bw_status descend(bw_context *ctx, smoothing *w, int iterations, double *gain) {
+    const bw_lbfgs_options options = {.iterations = iterations, .step = 0.05, .settled = 1e-5};
     bw_lbfgs_report found;
     size_t n;
     *gain = 0;
@@ -52,15 +65,17 @@ static bw_status descend(bw_context *ctx, smoothing *w, double *gain) {
     return judge(ctx, w);
 }
 
-static bw_status untangle(bw_context *ctx, smoothing *w) {
-    w->s.epsilon = 1, w->s.sharpness = 0, w->s.size = 1;
-    for (int i = 0; i < w->options->rounds && w->least.corners; i++) {
+/* Rounds for a falling epsilon. Many short ones follow curved surfaces better than few long ones. */
+static bw_status untangle(bw_context *ctx, smoothing *w, int rounds, int iterations, double falling) {
+    w->s.epsilon = 1, w->s.sharpness = 0;
+    for (int i = 0; i < rounds && w->least.corners; i++) {
         double gain;
         bw_smoother_rest(&w->s, 0.25);
-        if (descend(ctx, w, &gain)) return ctx->error.status;
-        w->s.epsilon *= 1 - fmin(0.9, fmax(0.3, gain));
-        bw_progress(ctx, 0.3 * (i + 1) / w->options->rounds);
+        if (descend(ctx, w, iterations, &gain)) return ctx->error.status;
+        w->s.epsilon *= falling;
+        bw_progress(ctx, w->part + 0.2 * (i + 1) / rounds);
     }
+    w->part += 0.2;
     return BW_OK;
 }
 
@@ -80,30 +95,62 @@ static bw_status back_off(bw_context *ctx, smoothing *w) {
 static bw_status improve(bw_context *ctx, smoothing *w, int rounds, double sharpness) {
     w->s.epsilon = 0, w->s.sharpness = sharpness;
     for (int i = 0; i < rounds; i++) {
-        double gain;
+        double gain, before = score(&w->least);
         bw_smoother_rest(&w->s, 0.05);
-        if (descend(ctx, w, &gain)) return ctx->error.status;
+        if (descend(ctx, w, w->iterations, &gain)) return ctx->error.status;
         if (w->now.corners && back_off(ctx, w)) return ctx->error.status;
-        if (w->now.corners || gain < 1e-3) break;
+        if (w->now.corners || (gain < 2e-3 && score(&w->least) < before + 1e-3)) break;
+    }
+    return BW_OK;
+}
+
+/* Rounds around the hexes that are not positive, from the best mesh. */
+static bw_status untangle_near(bw_context *ctx, smoothing *w, int rings, int iterations) {
+    if (!w->least.corners) return BW_OK;
+    if (return_to_best(ctx, w)) return ctx->error.status;
+    bw_smoother_activate(&w->s, 1e-6, rings);
+    return untangle(ctx, w, 2 * w->options->rounds, iterations, 0.85);
+}
+
+/* Lets vertices of the hexes that are not positive, in the best mesh, leave what holds them. */
+static void loosen(smoothing *w) {
+    w->s.leave = w->options->leave;
+    for (size_t h = 0; h < w->s.mesh->hex_count && w->s.leave > 0; h++)
+        for (int c = 0; c < 8 && w->s.bad[h]; c++) {
+            bw_hvertex v = w->s.mesh->hex[h][c];
+            w->s.loose[v] = w->s.hold[v].held == BW_HELD_SURFACE || w->s.hold[v].held == BW_HELD_CURVE;
+        }
+}
+
+static bw_status improve_all(bw_context *ctx, smoothing *w) {
+    bool whole = w->s.mesh->hex_count <= w->options->whole;
+    uint64_t rounds = 12, most = w->options->work / (rounds * (w->s.mesh->hex_count + 1));
+    w->iterations = most < 8 ? 8 : most > 30 ? 30 : (int)most;
+    for (int i = 0; i < 4; i++) {
+        if (return_to_best(ctx, w)) return ctx->error.status;
+        if (!whole) bw_smoother_activate(&w->s, 0.5, 2);
+        if (improve(ctx, w, 3, i ? 2 << i : 0)) return ctx->error.status;
+        bw_progress(ctx, 0.6 + 0.1 * (i + 1));
     }
     return BW_OK;
 }
 
 static bw_status run(bw_context *ctx, smoothing *w) {
     size_t n;
+    w->s.epsilon = 1;
+    bw_smoother_rest(&w->s, 0.25);
     if (bw_smoother_measure(ctx, &w->s, &w->now)) return ctx->error.status;
     w->report->before = w->least = w->now;
-    bw_smoother_rest(&w->s, 0.25);
-    if (bw_smoother_frame(ctx, &w->s, &n) || judge(ctx, w) || untangle(ctx, w)) return ctx->error.status;
-    if (w->least.corners) return BW_OK;
-    copy(w, w->s.mesh->position, w->best);
-    if (improve(ctx, w, 4, 0)) return ctx->error.status;
-    copy(w, w->s.mesh->position, w->best);
-    for (int i = 0; i < 3; i++) {
-        copy(w, w->s.mesh->position, w->best);
-        if (improve(ctx, w, 3, 4 << i)) return ctx->error.status;
+    if (bw_smoother_frame(ctx, &w->s, &n) || judge(ctx, w)) return ctx->error.status;
+    if (w->s.mesh->hex_count > w->options->whole) bw_smoother_activate(&w->s, 1e-6, 4);
+    if (untangle(ctx, w, w->options->rounds / 2, 30, 0.7)) return ctx->error.status;
+    if (untangle_near(ctx, w, 2, 8)) return ctx->error.status;
+    if (w->least.corners && w->options->leave > 0) {
+        if (return_to_best(ctx, w)) return ctx->error.status;
+        loosen(w);
+        if (untangle_near(ctx, w, 2, 8)) return ctx->error.status;
     }
-    return BW_OK;
+    return w->least.corners ? BW_OK : improve_all(ctx, w);
 }
 
 static void report_moves(smoothing *w) {
@@ -138,7 +185,7 @@ bw_status bw_hex_smooth(bw_context *ctx, bw_hex_mesh *mesh, const bw_hex_surface
     if (w.start && w.best && w.before && w.x) {
         copy(&w, w.start, mesh->position), copy(&w, w.best, mesh->position);
         if (run(ctx, &w) == BW_OK) {
-            report->after = w.least, report->evaluations = w.s.evaluations;
+            report->after = w.least, report->work = w.s.work;
             report_moves(&w);
             copy(&w, mesh->position, w.best);
         } else {

@@ -5,11 +5,13 @@
  * weighs the worst most. Interior vertices have three variables, vertices on a surface two in its tangent plane,
  * those on a curve one, points none; after each round they are projected to what holds them (hex/surface.h) and get new directions.
  *
+ * A mesh of more than `whole` hexes is optimized only around the hexes that need it. The work is limited by counts, never by a clock.
+ *
  * Ensured
  *  1. Connectivity, held and carrier stay as they are.
- *  2. The mesh that is returned has no more corners that are not positive than the one that came in; if as many, its least scaled Jacobian is not smaller
- *     than that one's, or 0.2.
- *  3. Vertices on surfaces and curves end on them, but for those at corners that are not positive otherwise, which may leave them by `leave`.
+ *  2. The mesh that is returned has no more hexes and no more corners that are not positive than the one that came in; if as many, mean + 2 min(least, 0.2)
+ *     of its scaled Jacobians is not smaller.
+ *  3. Vertices on surfaces and curves end on them. Where a hex is not positive otherwise, they may leave them, by `leave` at most.
  *  4. The same bits at any number of threads.
  */
 #ifndef BW_HEX_SMOOTH_H
@@ -19,9 +21,10 @@
 #include "hex/surface.h"
 
 typedef struct {
-    int rounds;      /* at most, of each kind: untangling, shape, scaled Jacobians */
-    int iterations;  /* of L-BFGS in a round, at most */
-    double leave;    /* how far vertices may leave what holds them where a corner is not positive otherwise, as part of the mean length of their edges */
+    int rounds;     /* of untangling, at most */
+    uint64_t work;  /* evaluations of a hexahedron that improving may take, about; each round takes some all the same */
+    size_t whole;   /* hexes, at most, of a mesh that is optimized as a whole */
+    double leave;   /* how far vertices may leave what holds them, in mean lengths of their edges; 0: never */
 } bw_smooth_options;
 
 typedef struct {
@@ -32,7 +35,7 @@ typedef struct {
 
 typedef struct {
     bw_smooth_state before, after;
-    uint64_t rounds, iterations, evaluations;
+    uint64_t rounds, iterations, work;
     double moved_max, moved_mean; /* over all vertices */
     double off_max, off_mean;     /* distance from what holds a vertex, over those that are held on a surface or curve */
     uint64_t left;                /* vertices that left it */
