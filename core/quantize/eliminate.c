@@ -108,8 +108,10 @@ static bw_status add_multiple(solver *s, int32_t r, int64_t times, const bw_elim
         bool left = i < x->count && (j == count || x->term[i].unknown <= source[j].unknown);
         bool right = j < count && (i == x->count || source[j].unknown <= x->term[i].unknown);
         bw_eliminate_term t = {left ? x->term[i].unknown : source[j].unknown, left ? x->term[i].factor : 0};
-        if (right) t.factor += times * source[j].factor;
-        if (t.factor > FACTOR_MAX || t.factor < -FACTOR_MAX) return bw_fail(s->ctx, BW_E_RANGE, "factors of the quantization exceed the range");
+        int64_t add = 0;
+        bool large = right && __builtin_mul_overflow(times, source[j].factor, &add);
+        large = large || __builtin_add_overflow(t.factor, add, &t.factor);
+        if (large || t.factor > FACTOR_MAX || t.factor < -FACTOR_MAX) return bw_fail(s->ctx, BW_E_RANGE, "factors of the quantization exceed the range");
         if (left && !t.factor) s->columns[t.unknown].alive--;
         if (!left && t.factor && enlist(s, t.unknown, r)) return s->ctx->error.status;
         if (t.factor) s->spare[n++] = t;

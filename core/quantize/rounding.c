@@ -156,7 +156,10 @@ static bw_status find_forms(survey *v) {
             r->classical = v->count, r->rows = v->count + n;
             r->form = bw_alloc(r->ctx, r->rows * n, sizeof *r->form);
             v->out = bw_alloc(r->ctx, r->rows, sizeof *v->out);
-            if (!r->form || !v->out) return r->ctx->error.status;
+            if (!r->form || !v->out) {
+                bw_free(r->ctx, v->out);
+                return r->ctx->error.status;
+            }
         }
         int64_t *column = v->out;
         give_all(v, column);

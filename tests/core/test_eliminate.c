@@ -92,7 +92,23 @@ static void solutions_are_reached_and_only_they(void **state) {
     assert_true(solutions > 1000 && extras > 50);
 }
 
+/* x1 = f x0, x2 = f x1: whichever is put into the other, f^2 is beyond the range; and for the second f beyond 64 bits. */
+static void factors_beyond_the_range_are_refused(void **state) {
+    (void)state;
+    for (int power = 21; power <= 40; power += 19) {
+        bw_context ctx;
+        bw_elimination out;
+        int64_t f = (int64_t)1 << power, size[] = {1, 1, 1};
+        bw_eliminate_term term[] = {{0, -f}, {1, 1}, {1, -f}, {2, 1}};
+        size_t begin[] = {0, 2, 4};
+        bw_context_init(&ctx);
+        assert_int_equal(bw_eliminate(&ctx, &(bw_eliminate_input){2, 3, begin, term, size}, &out), BW_E_RANGE);
+        assert_int_equal(ctx.memory.used, 0);
+    }
+}
+
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(solutions_are_reached_and_only_they),
+    cmocka_unit_test(factors_beyond_the_range_are_refused),
 };
 KIT_MAIN(tests)
