@@ -85,11 +85,11 @@ static void quantization(const json_t *q) {
     if (!range) return;
     printf("%-15s %s lengths, %.0f free integers, %.3f s", "quantization", cli_safe(text, sizeof text, range),
            number(q, "free_integers"), number(q, "seconds"));
-    if (number(q, "gap") > 0) printf(", may be better by %.2g %%", 100 * number(q, "gap"));
+    if (number(q, "gap") > 0) printf(", may be better by %.3g %%", 100 * number(q, "gap"));
     if (number(q, "target_hexes") > 0)
         printf(", %s %.0f hexes", json_is_true(json_object_get(q, "target_met")) ? "near" : "as near as found to", number(q, "target_hexes"));
     const char *goal = json_string_value(json_object_get(q, "goal"));
-    if (goal && !strcmp(goal, "hexes")) printf(", as few hexes as there can be");
+    if (goal && !strcmp(goal, "hexes")) printf(", as few hexes as %s", number(q, "gap") > 0 ? "found" : "there can be");
     const char *fallback = json_string_value(json_object_get(q, "fallback"));
     if (fallback && strcmp(fallback, "none")) printf(", given up for %s ones by the check", cli_safe(text, sizeof text, fallback));
     printf("\n%-15s %8s %10s %12s %12s %7s %9s %11s  %s\n", "", "scale", "hexes", "objective", "bound", "zeros", "negatives", "distortion", "status");

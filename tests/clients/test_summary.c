@@ -111,9 +111,56 @@ static void a_repair_is_shown(void **state) {
     kit_result_clear(&result);
 }
 
+static char *show(const char *folder) {
+    kit_result result;
+    run_blockwright((const char *[]){"show", folder, NULL}, &result);
+    char *out = strdup(result.out);
+    kit_result_clear(&result);
+    return out;
+}
+
+static void expect_text(const char *text, const char *part) {
+    if (!strstr(text, part)) fail_msg("no '%s' in:\n%s", part, text);
+}
+
+/* A row for each size, without a distortion where there is no scale; what was given up or not proven is said. */
+static void a_quantization_is_shown_with_its_table_of_sizes(void **state) {
+    (void)state;
+    kit_result result;
+    const char *folder = kit_temp_path("quantized"), *path = kit_temp_path("quantized/report.json");
+    run_blockwright((const char *[]){"run", sample(), "--out", folder, "--quantize", "any", "--scales", "0,2", "--coarsest", "--quiet", NULL}, &result);
+    kit_result_clear(&result);
+    char *text = show(folder);
+    expect_text(text, "any lengths, ");
+    expect_text(text, "scale      hexes    objective        bound   zeros negatives  distortion  status\n");
+    json_t *root = json_load_file(path, 0, NULL), *found = json_object_get(root, "quantization"), *sweep = json_object_get(found, "sweep");
+    assert_int_equal(json_array_size(sweep), 2);
+    for (size_t i = 0; i < 3; i++) {
+        const json_t *row = i < 2 ? json_array_get(sweep, i) : found;
+        double scale = json_number_value(json_object_get(row, "scale"));
+        char line[120], distortion[24] = "-";
+        if (scale > 0) snprintf(distortion, sizeof distortion, "%.3f", json_number_value(json_object_get(row, "distortion")));
+        snprintf(line, sizeof line, "%-15s %8.4g %10lld ", i < 2 ? "sweep" : "lengths", scale, (long long)json_integer_value(json_object_get(row, "hexes")));
+        expect_text(text, line);
+        snprintf(line, sizeof line, " %11s  optimal\n", distortion);
+        expect_text(strstr(text, i < 2 ? "sweep" : "lengths  "), line);
+    }
+    assert_null(strstr(text, "given up"));
+    free(text);
+    json_object_set_new(found, "fallback", json_string("positive"));
+    json_object_set_new(found, "goal", json_string("hexes"));
+    json_object_set_new(found, "gap", json_real(0.25));
+    assert_int_equal(json_dump_file(root, path, 0), 0);
+    json_decref(root);
+    text = show(folder);
+    expect_text(text, ", may be better by 25 %, as few hexes as found, given up for positive ones by the check\n");
+    free(text);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(raw_and_reduced_counts_are_shown),
+        cmocka_unit_test(a_quantization_is_shown_with_its_table_of_sizes),
         cmocka_unit_test(without_reduction_nothing_is_said_of_it),
         cmocka_unit_test(a_repair_is_shown),
     };
