@@ -12,6 +12,7 @@
 #include "stage/build.h"
 #include "stage/encode.h"
 #include "stage/extract.h"
+#include "stage/extract_finish.h"
 #include "stage/quantize.h"
 #include "stage/reduce.h"
 #include "stage/sanitize.h"
@@ -160,6 +161,7 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
     if (!state->has_igm) return BW_OK;
     bw_extract_options how = {options->subdivide, options->max_hexes};
     bw_status status = bw_extract(ctx, &state->igm, &how, &state->hex, &state->report);
+    if (status == BW_OK) status = bw_extract_finish(ctx, &state->igm.mesh, state->igm.map.edge_flags, options->smooth, &state->hex, &state->report);
     state->has_hex = status == BW_OK;
     return status;
 }
@@ -179,7 +181,7 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 8, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
-    [BW_STAGE_EXTRACT] = {"extract", 1, run_extract},
+    [BW_STAGE_EXTRACT] = {"extract", 2, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 6, run_encode},
 };
 
@@ -202,7 +204,7 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 
 void bw_options_defaults(bw_options *options) {
     *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
-                            .scale = 1, .time_limit = 10, .subdivide = 1, .max_hexes = 10000000};
+                            .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000};
 }
 
 /* Index of a word in a list of names; -1 if it is none of them. */
@@ -291,6 +293,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 350000000)
             return bw_fail(ctx, BW_E_USAGE, "option max_hexes is an integer from 1 to 350000000");
         o->max_hexes = (uint64_t)json_integer_value(value);
+    } else if (!strcmp(name, "smooth")) {
+        static const char *const words[] = {"off", "on"};
+        if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option smooth is \"on\" or \"off\"");
+        o->smooth = i == 1;
     } else if (!strcmp(name, "until")) {
         if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
             return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");

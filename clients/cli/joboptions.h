@@ -13,7 +13,7 @@ typedef struct {
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells, subdivide, max_hexes; /* 0: not given */
-    const char *quantize;        /* NULL: not given */
+    const char *quantize, *smooth; /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
     bool coarsest, fewest_hexes, rounding;
     int64_t target_hexes;        /* 0: not given */
@@ -55,6 +55,8 @@ typedef struct {
      "cut every hex of the quantization into N x N x N (default 1)", 1, 1000},                               \
     {"max-hexes", 0, CLI_INTEGER, offsetof(settings, job.max_hexes), "N",                                    \
      "work limit: hexes of the mesh (default 10000000)", 1, 350000000},                                      \
+    {"smooth", 0, CLI_CHOICE, offsetof(settings, job.smooth), "on|off",                                      \
+     "move vertices of the hex mesh, on the surface, to better shapes (default on)", 0, 0},                  \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
     {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|extract|encode",   \

@@ -108,6 +108,22 @@ static void quantization(const json_t *q) {
     printf("\n");
 }
 
+/* Shapes of the hex mesh, before and after smoothing, and how far it is from the input. */
+static void hex_quality(const json_t *q) {
+    if (!json_is_object(q)) return;
+    const json_t *shape = json_object_get(q, "scaled_jacobian"), *smoothing = json_object_get(q, "smoothing");
+    printf("%-15s %.0f, scaled Jacobian %.3f at least, %.3f in the mean", "hexes", number(q, "hexes"), number(shape, "min"), number(shape, "mean"));
+    if (number(q, "nonpositive") > 0) printf("; %.0f NOT POSITIVE", number(q, "nonpositive"));
+    printf("\n%-15s %.3g off the input's surface at most (%.2g %% of its size), volume %+.2f %%\n", "geometry", number(q, "hausdorff"),
+           100 * number(q, "hausdorff_relative"), 100 * number(q, "volume_difference"));
+    if (!json_is_object(smoothing)) return;
+    printf("%-15s scaled Jacobian was %.3f at least, %.3f in the mean", "smoothing", number(smoothing, "min_before"), number(smoothing, "mean_before"));
+    if (number(smoothing, "nonpositive_before") > 0) printf("; %.0f not positive", number(smoothing, "nonpositive_before"));
+    if (number(smoothing, "vertices_off_surface") > 0)
+        printf("; %.0f vertices left the surface, by %.3g at most", number(smoothing, "vertices_off_surface"), number(smoothing, "off_surface_max"));
+    printf("\n");
+}
+
 static void stages(const json_t *list) {
     size_t index;
     json_t *stage;
@@ -136,6 +152,7 @@ void cli_summary_print(const json_t *report) {
     repair(json_object_get(json_object_get(report, "sanitize"), "repaired"));
     complexes(json_object_get(report, "complex"));
     quantization(json_object_get(report, "quantization"));
+    hex_quality(json_object_get(report, "hex_quality"));
     const json_t *quality = json_object_get(report, "quality");
     range_line("block extent", json_object_get(quality, "block_extent"), "in the map");
     range_line("block aspect", json_object_get(quality, "block_aspect"), "longest over shortest extent");

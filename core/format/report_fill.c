@@ -1,5 +1,6 @@
 /* The sections of the report that follow from the data of a stage alone. */
 #include <stdio.h>
+#include <string.h>
 
 #include "format/report_json.h"
 
@@ -95,4 +96,19 @@ void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const 
     report->has_reduced = true;
     snprintf(report->complex.reduced.mode, sizeof report->complex.reduced.mode, "%s", mode);
     FILL_COUNTS(&report->complex.reduced, complex);
+}
+
+void bw_report_fill_hex_quality(bw_report *report, const bw_hex_mesh *hex, const bw_hex_quality *quality, const bw_hex_distance *distance) {
+    report->hex_quality.mesh = *quality;
+    for (size_t i = 0; i < quality->worst_count; i++) {
+        bw_hex h = quality->worst[i].hex;
+        report->hex_quality.worst_block[i] = hex->block[h];
+        memcpy(report->hex_quality.worst_ijk[i], hex->ijk[h], sizeof hex->ijk[h]);
+    }
+    report->hex_quality.to_input = distance->to_input, report->hex_quality.from_input = distance->from_input;
+    report->hex_quality.to_curves = distance->curves;
+    report->hex_quality.hausdorff = distance->to_input > distance->from_input ? distance->to_input : distance->from_input;
+    report->hex_quality.hausdorff_relative = distance->diagonal > 0 ? report->hex_quality.hausdorff / distance->diagonal : 0;
+    report->hex_quality.volume_difference = distance->input_volume > 0 ? quality->volume / distance->input_volume - 1 : 0;
+    report->has_hex_quality = true;
 }

@@ -9,7 +9,7 @@
 /* ---- the table: every field of a section, once
  * ------------------------------------------------------------------- */
 
-typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE, PLACES } field_type;
+typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE, PLACES, SPREAD, COUNTS, WORST } field_type;
 
 typedef struct {
     const char *section, *group, *name; /* group: an object inside the section, or NULL */
@@ -29,6 +29,9 @@ typedef struct {
 #define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
 #define ROUNDING(type, name) MEMBER("quantization", "rounding", type, quantization.rounding., name)
 #define EXTRACT(type, name) MEMBER("extract", NULL, type, extract., name)
+#define HEX(type, name) MEMBER("hex_quality", NULL, type, hex_quality., name)
+#define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
+#define SMOOTHING(type, name) MEMBER("hex_quality", "smoothing", type, hex_quality.smoothing., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -146,6 +149,33 @@ static const field fields[] = {
     EXTRACT(COUNT, subdivide),
     EXTRACT(NUMBER, seconds),
     EXTRACT(NUMBER, seconds_check),
+    HEX_MESH(SPREAD, scaled_jacobian),
+    HEX_MESH(COUNT, hexes),
+    HEX_MESH(COUNT, nonpositive),
+    HEX_MESH(COUNTS, histogram),
+    HEX_MESH(WORST, worst),
+    HEX_MESH(COUNTS, inner),
+    HEX_MESH(COUNTS, boundary),
+    HEX_MESH(NUMBER, volume),
+    HEX_MESH(SPREAD, edge_length),
+    HEX(NUMBER, volume_difference),
+    HEX(NUMBER, to_input),
+    HEX(NUMBER, from_input),
+    HEX(NUMBER, to_curves),
+    HEX(NUMBER, hausdorff),
+    HEX(NUMBER, hausdorff_relative),
+    HEX(NUMBER, seconds),
+    SMOOTHING(COUNT, nonpositive_before),
+    SMOOTHING(NUMBER, min_before),
+    SMOOTHING(NUMBER, mean_before),
+    SMOOTHING(COUNT, rounds),
+    SMOOTHING(COUNT, iterations),
+    SMOOTHING(NUMBER, moved_max),
+    SMOOTHING(NUMBER, moved_mean),
+    SMOOTHING(NUMBER, off_surface_max),
+    SMOOTHING(NUMBER, off_surface_mean),
+    SMOOTHING(COUNT, vertices_off_surface),
+    SMOOTHING(NUMBER, seconds),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -163,6 +193,7 @@ static const struct {
     {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
     {"quantization", offsetof(bw_report, has_quantization)},
     {"extract", offsetof(bw_report, has_extract)},
+    {"hex_quality", offsetof(bw_report, has_hex_quality)},
     {"quality", offsetof(bw_report, has_quality)},
 };
 
@@ -174,6 +205,7 @@ static const struct {
     {"reduced", offsetof(bw_report, has_reduced)},
     {"repaired", offsetof(bw_report, has_repaired)},
     {"rounding", offsetof(bw_report, has_rounding)},
+    {"smoothing", offsetof(bw_report, has_smoothing)},
 };
 
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };
@@ -254,6 +286,24 @@ static json_t *regions_to_json(const bw_region *regions, size_t count) {
     return list;
 }
 
+static json_t *counts_to_json(const uint64_t *counts, size_t size) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < size / sizeof *counts; i++) json_array_append_new(list, json_integer((json_int_t)counts[i]));
+    return list;
+}
+
+static json_t *worst_to_json(const bw_report *report) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < report->hex_quality.mesh.worst_count; i++) {
+        const bw_hex_worst *w = &report->hex_quality.mesh.worst[i];
+        const int32_t *ijk = report->hex_quality.worst_ijk[i];
+        json_array_append_new(list, json_pack("{s:i, s:f, s:o, s:i, s:[i, i, i]}", "hex", (int)w->hex, "scaled_jacobian", w->scaled_jacobian,
+                                              "position", point_to_json(w->centre), "block", (int)report->hex_quality.worst_block[i], "ijk",
+                                              (int)ijk[0], (int)ijk[1], (int)ijk[2]));
+    }
+    return list;
+}
+
 static json_t *field_to_json(const field *f, const bw_report *report) {
     const void *at = (const char *)report + f->at;
     switch (f->type) {
@@ -269,6 +319,13 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
         return range_to_json(at);
     case PLACES:
         return regions_to_json(at, report->sanitize.repaired.regions);
+    case SPREAD:
+        return json_pack("{s:f, s:f, s:f}", "min", ((const bw_hex_range *)at)->min, "mean", ((const bw_hex_range *)at)->mean, "max",
+                         ((const bw_hex_range *)at)->max);
+    case COUNTS:
+        return counts_to_json(at, f->size);
+    case WORST:
+        return worst_to_json(report);
     case TEXT:
         break;
     }
@@ -431,6 +488,33 @@ static bool regions_from_json(const json_t *list, bw_region *out, size_t count) 
     return true;
 }
 
+static bool counts_from_json(const json_t *list, uint64_t *counts, size_t size) {
+    if (json_array_size(list) != size / sizeof *counts) return false;
+    for (size_t i = 0; i < size / sizeof *counts; i++) counts[i] = (uint64_t)json_integer_value(json_array_get(list, i));
+    return true;
+}
+
+static bool worst_from_json(const json_t *list, bw_report *report) {
+    if (!json_is_array(list) || json_array_size(list) > BW_HEX_WORST) return false;
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        bw_hex_worst *w = &report->hex_quality.mesh.worst[i];
+        int hex, block, ijk[3];
+        json_t *position;
+        if (json_unpack(json_array_get(list, i), "{s:i, s:F, s:o, s:i, s:[i, i, i!]}", "hex", &hex, "scaled_jacobian", &w->scaled_jacobian,
+                        "position", &position, "block", &block, "ijk", &ijk[0], &ijk[1], &ijk[2]) ||
+            !point_from_json(position, w->centre))
+            return false;
+        w->hex = hex, report->hex_quality.worst_block[i] = block;
+        for (int k = 0; k < 3; k++) report->hex_quality.worst_ijk[i][k] = ijk[k];
+    }
+    report->hex_quality.mesh.worst_count = json_array_size(list);
+    return true;
+}
+
+static bool spread_from_json(const json_t *value, bw_hex_range *range) {
+    return !json_unpack((json_t *)value, "{s:F, s:F, s:F}", "min", &range->min, "mean", &range->mean, "max", &range->max);
+}
+
 static bool field_from_json(const field *f, const json_t *value, bw_report *report) {
     void *at = (char *)report + f->at;
     switch (f->type) {
@@ -450,6 +534,12 @@ static bool field_from_json(const field *f, const json_t *value, bw_report *repo
         return range_from_json(value, at);
     case PLACES:
         return regions_from_json(value, at, report->sanitize.repaired.regions);
+    case SPREAD:
+        return spread_from_json(value, at);
+    case COUNTS:
+        return counts_from_json(value, at, f->size);
+    case WORST:
+        return worst_from_json(value, report);
     case TEXT:
         break;
     }

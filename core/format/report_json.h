@@ -11,6 +11,7 @@
 #define BW_FORMAT_REPORT_JSON_H
 
 #include "complex/complex.h"
+#include "hex/quality.h"
 
 enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 16, BW_REPORT_SWEEP = 64 };
 
@@ -75,6 +76,8 @@ typedef struct {
     bool has_repaired; /* sanitize.repaired */
     bool has_rounding; /* quantization.rounding */
     bool has_extract;
+    bool has_hex_quality;
+    bool has_smoothing; /* hex_quality.smoothing */
 
     struct {
         char file[256]; /* name without its folder; may be empty */
@@ -134,6 +137,23 @@ typedef struct {
         double seconds, seconds_check;
     } extract;
 
+    struct { /* of the hex mesh (hex/quality.h), and how it got there (hex/smooth.h); lengths in the input's unit */
+        bw_hex_quality mesh;
+        bw_block worst_block[BW_HEX_WORST]; /* of mesh.worst */
+        int32_t worst_ijk[BW_HEX_WORST][3];
+        double volume_difference;                           /* relative to the input's */
+        double to_input, from_input, to_curves;             /* largest distances found */
+        double hausdorff, hausdorff_relative;               /* of surfaces, both directions; relative to the diagonal of the input's box */
+        double seconds;
+        struct {
+            uint64_t nonpositive_before, rounds, iterations;
+            double min_before, mean_before; /* scaled Jacobians */
+            double moved_max, moved_mean, off_surface_max, off_surface_mean;
+            uint64_t vertices_off_surface;
+            double seconds;
+        } smoothing;
+    } hex_quality;
+
     struct {
         bw_report_range block_extent; /* parameter units, over all three extents of all blocks */
         bw_report_range block_aspect; /* longest extent over shortest, per block */
@@ -162,6 +182,7 @@ void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh,
                              const bw_grid_map *map); /* into input */
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells);
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
+void bw_report_fill_hex_quality(bw_report *report, const bw_hex_mesh *hex, const bw_hex_quality *quality, const bw_hex_distance *distance);
 void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const char *mode); /* the counts of complex.reduced */
 
 /* JSON text, newline at the end; free() it. NULL if out of memory. */

@@ -47,6 +47,7 @@ static const struct {
     {{"run", "a", "--out", "d", "--quantize", "any", "--scales", "1,-1"}, "option scales is a list"},
     {{"run", "a", "--out", "d", "--quantize", "any", "--scale", "2", "--coarsest"}, "only one of --scale"},
     {{"run", "a", "--out", "d", "--scale", "2"}, "wants --quantize positive, nonnegative or any"},
+    {{"run", "a", "--out", "d", "--smooth", "off"}, "wants --quantize positive, nonnegative or any"},
     {{"run", "a", "--out", "d", "--quantize", "none", "--rounding"}, "wants --quantize positive, nonnegative or any"},
     {{"sample"}, "which sample?"},
     {{"sample", "teapot"}, "there is no sample 'teapot'"},

@@ -1,6 +1,7 @@
 /* report.json, blocks.json and constraints.json keep to api/schemas. The validator below knows the words of JSON Schema that
  * the schemas use and fails on any other, so that no rule is passed over in silence. */
 #include "core/encode_kit.h"
+#include "core/hex_kit.h"
 #include "stage/quantize.h"
 
 #include <jansson.h>
@@ -150,6 +151,17 @@ static const struct {
                {"torus-quarter", BW_COMPLEX_MC},
                {"tee", BW_COMPLEX_SERIAL}};
 
+/* Any hex mesh gives the section. */
+static void fill_hexes(bw_context *ctx, bw_report *report, bool smoothing) {
+    bw_hex_mesh mesh;
+    bw_hex_quality quality;
+    hex_kit_cube(ctx, 2, &mesh);
+    kit_expect_ok(ctx, bw_hex_measure(ctx, &mesh, &quality));
+    bw_report_fill_hex_quality(report, &mesh, &quality, &(bw_hex_distance){.diagonal = 1, .to_input = 0.1, .input_volume = 2});
+    report->has_smoothing = smoothing;
+    bw_hex_mesh_clear(ctx, &mesh);
+}
+
 static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
     (void)state;
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++) {
@@ -163,6 +175,7 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         e.report.has_repaired = i % 2;
         e.report.sanitize.repaired.regions = e.report.sanitize.repaired.tets = 1;
         e.report.sanitize.repaired.places[0] = (bw_region){.tet_count = 1, .high = {1, 1, 1}};
+        fill_hexes(&e.ctx, &e.report, i % 2);
         bw_report_add_stage(&e.report, "encode", 0.25, 4096);
         kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report,
                                               kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
