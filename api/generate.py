@@ -66,8 +66,9 @@ def option_rows(doc):
             die("option %s needs a default" % name)
         length = schema.get("maxItems", 0)
         if kind == "NUMBERS":
-            if not length or schema["items"].get("type") != "number":
-                die("option %s has to be a list of numbers with maxItems" % name)
+            kind = {"number": "NUMBERS", "string": "ENUMS"}.get(schema["items"].get("type"))
+            if not length or not kind or (kind == "ENUMS") != ("enum" in schema["items"]):
+                die("option %s has to be a list of numbers, or of an enumeration, with maxItems" % name)
             schema = dict(schema["items"], default=schema["default"])
         low = schema.get("exclusiveMinimum", schema.get("minimum", 0))
         high = schema.get("exclusiveMaximum", schema.get("maximum", 0))
@@ -131,15 +132,15 @@ typedef struct {
 } bw_api_stage;
 extern const bw_api_stage bw_api_stages[BW_API_STAGE_COUNT];
 
-typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER, BW_OPTION_BOOLEAN, BW_OPTION_NUMBERS } bw_option_kind;
+typedef enum { BW_OPTION_ENUM, BW_OPTION_NUMBER, BW_OPTION_INTEGER, BW_OPTION_BOOLEAN, BW_OPTION_NUMBERS, BW_OPTION_ENUMS } bw_option_kind;
 enum { BW_API_OPTION_COUNT = %d };
 typedef struct {
     const char *name;
     bw_option_kind kind;
-    const char *const *values; /* of an enumeration, NULL-terminated */
+    const char *const *values; /* of an enumeration or a list of such, NULL-terminated */
     double minimum, maximum;
     bool above_minimum, below_maximum; /* the bound itself is excluded */
-    size_t length;                     /* of a list of numbers: how many at most; the bounds are those of its items */
+    size_t length;                     /* of a list: how many at most; the bounds are those of its items */
     const char *default_json;
 } bw_api_option;
 extern const bw_api_option bw_api_options[BW_API_OPTION_COUNT]; /* sorted by name */

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include "blockwright.h"
+#include "format/hex_write.h"
 #include "format/input.h"
 #include "format/state.h"
 #include "stage/build.h"
@@ -167,7 +168,9 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, options->vtk, &state->report, out);
+    bw_encode_options how = {options->vtk, options->hex_formats};
+    const bw_hex_mesh *hex = state->has_hex ? &state->hex : NULL;
+    return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, hex, &how, &state->report, out);
 }
 
 /* A version changes whenever a stage's result for the same input does, or its state file. */
@@ -182,7 +185,7 @@ static const struct {
     [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
     [BW_STAGE_EXTRACT] = {"extract", 2, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 6, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 7, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -204,7 +207,8 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 
 void bw_options_defaults(bw_options *options) {
     *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
-                            .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000};
+                            .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000,
+                            .hex_formats = 1u << BW_HEX_FORMAT_MESH | 1u << BW_HEX_FORMAT_VTU | 1u << BW_HEX_FORMAT_BWH};
 }
 
 /* Index of a word in a list of names; -1 if it is none of them. */
@@ -225,6 +229,18 @@ static bw_status set_scales(bw_context *ctx, bw_options *o, const json_t *value)
         if (good) o->scales[o->scale_count++] = scale;
     }
     return good ? BW_OK : bw_fail(ctx, BW_E_USAGE, "option scales is a list of up to %d numbers from 0 to %g", BW_OPTION_SCALES, BW_SCALE_MAX);
+}
+
+static bw_status set_hex_formats(bw_context *ctx, bw_options *o, const json_t *value) {
+    o->hex_formats = 0;
+    bool good = json_is_array(value);
+    for (size_t i = 0; good && i < json_array_size(value); i++) {
+        const char *name = json_string_value(json_array_get(value, i));
+        bw_hex_format format;
+        good = name && bw_hex_format_from_name(name, &format) == BW_OK;
+        if (good) o->hex_formats |= 1u << format;
+    }
+    return good ? BW_OK : bw_fail(ctx, BW_E_USAGE, "option hex_formats is a list of names out of mesh, vtk, vtu, msh, ovm, inp, cgns, bwh");
 }
 
 static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
@@ -297,6 +313,8 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         static const char *const words[] = {"off", "on"};
         if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option smooth is \"on\" or \"off\"");
         o->smooth = i == 1;
+    } else if (!strcmp(name, "hex_formats")) {
+        return set_hex_formats(ctx, o, value);
     } else if (!strcmp(name, "until")) {
         if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
             return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");

@@ -28,6 +28,25 @@ static json_t *canonical_list(const bw_api_option *option, json_t *value) {
     return list;
 }
 
+/* A set of names, in the order of the document. */
+static json_t *canonical_set(const bw_api_option *option, json_t *value) {
+    if (!json_is_array(value) || json_array_size(value) > option->length) return NULL;
+    json_t *set = json_array(), *item;
+    size_t index, known = 0;
+    for (const char *const *v = option->values; *v; v++) {
+        bool there = false;
+        json_array_foreach(value, index, item) {
+            bool same = json_is_string(item) && strcmp(*v, json_string_value(item)) == 0;
+            there |= same, known += same;
+        }
+        if (there && json_array_append_new(set, json_string(*v)) != 0) goto fail;
+    }
+    if (known == json_array_size(value)) return set;
+fail:
+    json_decref(set);
+    return NULL;
+}
+
 /* The value in its one canonical form, as a new reference; NULL if it is not a value of the option. */
 static json_t *canonical(const bw_api_option *option, json_t *value) {
     switch (option->kind) {
@@ -45,6 +64,8 @@ static json_t *canonical(const bw_api_option *option, json_t *value) {
         return json_is_boolean(value) ? json_boolean(json_is_true(value)) : NULL;
     case BW_OPTION_NUMBERS:
         return canonical_list(option, value);
+    case BW_OPTION_ENUMS:
+        return canonical_set(option, value);
     }
     return NULL;
 }
@@ -52,7 +73,8 @@ static json_t *canonical(const bw_api_option *option, json_t *value) {
 static void explain(const bw_api_option *option, char *detail, size_t size) {
     int n = snprintf(detail, size, "option %s must be ", option->name);
     size_t at = n < 0 ? 0 : (size_t)n;
-    if (option->kind == BW_OPTION_ENUM) {
+    if (option->kind == BW_OPTION_ENUM || option->kind == BW_OPTION_ENUMS) {
+        if (option->kind == BW_OPTION_ENUMS) at += (size_t)snprintf(detail + at, at < size ? size - at : 0, "a list of up to %zu names, each ", option->length);
         for (const char *const *v = option->values; *v && at < size; v++)
             at += (size_t)snprintf(detail + at, size - at, "%s%s", v == option->values ? "one of " : ", ", *v);
     } else if (option->kind == BW_OPTION_BOOLEAN && at < size) {

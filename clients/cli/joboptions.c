@@ -15,12 +15,24 @@ static json_t *numbers(const char *text) {
     return NULL;
 }
 
+/* "vtu,bwh" as a list of names, "none" as an empty one; which names there are is judged like every value. */
+static json_t *names(const char *text) {
+    json_t *list = json_array();
+    if (!strcmp(text, "none")) return list;
+    for (;;) {
+        size_t length = strcspn(text, ",");
+        json_array_append_new(list, json_stringn(text, length));
+        if (!text[length]) return list;
+        text += length + 1;
+    }
+}
+
 static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
     if ((!o->quantize || !strcmp(o->quantize, "none")) &&
-        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->subdivide > 0 || o->max_hexes > 0 || o->smooth))
-        return "a size, limit, subdivision, smoothing or rounding beside a quantization wants --quantize positive, nonnegative or any";
+        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->subdivide > 0 || o->max_hexes > 0 || o->smooth || o->hex_formats))
+        return "a size, limit, subdivision, smoothing, format of hexes or rounding beside a quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }
 
@@ -47,6 +59,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->subdivide > 0) json_object_set_new(json, "subdivide", json_integer(o->subdivide));
     if (o->max_hexes > 0) json_object_set_new(json, "max_hexes", json_integer(o->max_hexes));
     if (o->smooth) json_object_set_new(json, "smooth", json_string(o->smooth));
+    if (o->hex_formats) json_object_set_new(json, "hex_formats", names(o->hex_formats));
     if (o->vtk) json_object_set_new(json, "vtk", json_string("yes"));
     if (o->repair) json_object_set_new(json, "repair", json_true());
     if (o->until) json_object_set_new(json, "until", json_string(o->until));

@@ -18,6 +18,7 @@ typedef struct {
     bool coarsest, fewest_hexes, rounding;
     int64_t target_hexes;        /* 0: not given */
     const char *scales;          /* numbers between commas; NULL: not given */
+    const char *hex_formats;     /* names between commas, or "none"; NULL: not given */
     bool vtk, repair;
     const char *parameters;      /* a file, not one of the options in JSON; NULL: not given */
 } cli_job_options;
@@ -57,6 +58,8 @@ typedef struct {
      "work limit: hexes of the mesh (default 10000000)", 1, 350000000},                                      \
     {"smooth", 0, CLI_CHOICE, offsetof(settings, job.smooth), "on|off",                                      \
      "move vertices of the hex mesh, on the surface, to better shapes (default on)", 0, 0},                  \
+    {"hex-formats", 0, CLI_TEXT, offsetof(settings, job.hex_formats), "F,F,...",                             \
+     "of the hex mesh: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
     {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|extract|encode",   \

@@ -143,6 +143,8 @@ const cli_command cli_command_run = {
              "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet; integer lengths\n"
              "  constraints.json   with --quantize: the integer differences a parametrizer has to keep\n"
              "  sizes.svg      with --scales: charts of hexes, objective, zero arcs, distortion\n"
+             "  hexmesh.*      the hex mesh, if the job has one: mesh (Medit), vtu, bwh (compact; decoders in\n"
+             "                 clients/decode), or what --hex-formats says\n"
              "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
              "  traced.hexex   the tet mesh refined along the walls, exact parameters and the wall list\n\n"
              "The same input gives the same bytes, with any number of threads and through a daemon as\n"

@@ -97,7 +97,7 @@ function readFront(bytes, maxBytes) {
   const partCount = view.getUint32(12, true), front = HEADER + PART * partCount + STREAM * STREAMS;
   if (view.getUint32(36, true) !== STREAMS) throw damaged();
   if (front > bytes.length) throw truncated();
-  const head = bytes.slice(0, front);
+  const head = Uint8Array.from(bytes.subarray(0, front)); // slice() of a Node Buffer is no copy
   head.fill(0, 48, 52);
   if (crc32(head) !== view.getUint32(48, true)) throw new BwhError('checksum', 'the file is damaged: a checksum is wrong');
   const vertexCount = Number(view.getBigUint64(16, true)), hexCount = Number(view.getBigUint64(24, true));
@@ -142,7 +142,7 @@ class Decoder {
     this.glue = streams[GLUE], this.corners = streams[CORNERS], this.planes = streams.slice(COORDINATES);
     this.glueAt = 0, this.cornerAt = 0, this.vertices = 0, this.last = -1;
     this.positions = new Float64Array(3 * this.vertexCount);
-    this.held = streams[HELD].slice();
+    this.held = Uint8Array.from(streams[HELD]);
     this.hexes = new Int32Array(8 * this.hexCount);
     this.block = new Int32Array(this.hexCount);
     this.ijk = new Int32Array(3 * this.hexCount);

@@ -26,4 +26,17 @@ typedef enum {
     BW_QUANTIZE_ANY          /* negative ones too, in blocks of non-negative extents */
 } bw_quantize_range;
 
+/* Files that a hex mesh is written as: hexmesh.<name> (format/hex_write.h has their names). */
+typedef enum {
+    BW_HEX_FORMAT_MESH, /* Medit */
+    BW_HEX_FORMAT_VTK,
+    BW_HEX_FORMAT_VTU,
+    BW_HEX_FORMAT_MSH,  /* Gmsh 4.1 */
+    BW_HEX_FORMAT_OVM,  /* OpenVolumeMesh */
+    BW_HEX_FORMAT_INP,  /* Abaqus */
+    BW_HEX_FORMAT_CGNS,
+    BW_HEX_FORMAT_BWH,  /* the compact form */
+    BW_HEX_FORMAT_COUNT
+} bw_hex_format;
+
 #endif

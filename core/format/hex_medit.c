@@ -1,8 +1,6 @@
 #include "format/hex_write.h"
 #include "format/output.h"
 
-const uint8_t bw_hex_ring[8] = {0, 1, 3, 2, 4, 5, 7, 6};
-
 static void put_title(bw_output *out, const char *title, size_t count) {
     bw_put_text(out, title);
     bw_put_bytes(out, "\n", 1);

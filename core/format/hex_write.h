@@ -10,6 +10,7 @@
 #ifndef BW_FORMAT_HEX_WRITE_H
 #define BW_FORMAT_HEX_WRITE_H
 
+#include "base/kinds.h"
 #include "hex/skin.h"
 
 /* Corners in the order of VTK, Medit, Gmsh, Abaqus and CGNS: around the low face, then around the high one. */
@@ -42,5 +43,15 @@ bw_status bw_hex_write_inp(bw_context *ctx, const bw_hex_mesh *mesh, const bw_he
  * named "Surface_N" on sides of the boundary, with a family each. If a hex has no place in a block that fills its box, all hexes are one unstructured zone "Hexes",
  * with sections of quads and conditions for the surfaces. Also BW_E_LIMIT for more than 2^31 coordinates, connections or the like: the library counts in 32 bits. */
 bw_status bw_hex_write_cgns(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+
+/* The compact form: format/hex_bwh.h. */
+
+typedef struct {
+    const char *name; /* of the format, and the end of its file's name */
+    bw_status (*write)(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
+} bw_hex_format_info;
+
+extern const bw_hex_format_info bw_hex_formats[BW_HEX_FORMAT_COUNT];
+bw_status bw_hex_format_from_name(const char *name, bw_hex_format *format); /* BW_E_USAGE (not recorded) if there is none */
 
 #endif

@@ -13,7 +13,7 @@
 #include "complex/complex.h"
 #include "hex/quality.h"
 
-enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 16, BW_REPORT_SWEEP = 64 };
+enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 32, BW_REPORT_SWEEP = 64 };
 
 typedef struct {
     double min, median, max;

@@ -10,6 +10,7 @@
 
 #include "format/blocks_json.h"
 #include "format/constraints_json.h"
+#include "format/hex_write.h"
 #include "format/sizes_svg.h"
 #include "format/traced.h"
 #include "format/view.h"
@@ -20,6 +21,9 @@ typedef struct {
     const bw_cells *cells;
     const bw_complex *complex;
     const int64_t *length;
+    const bw_hex_mesh *hex;
+    bw_hex_skin skin;
+    bw_hex_format hex_format; /* of the file that is being written */
     bw_report *report;
     const char *folder;
     bw_tessellation tessellation;
@@ -67,6 +71,10 @@ static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
     return bw_view_write(e->ctx, &e->tessellation, e->complex, (const double(*)[3])e->position, path, bytes);
 }
 
+static bw_status write_hexes(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_hex_formats[e->hex_format].write(e->ctx, e->hex, &e->skin, path, bytes);
+}
+
 /* Writes under another name first, so that a file of that name is always whole. */
 static bw_status write_result(encoder *e, const char *name,
                               bw_status (*write)(encoder *, const char *, uint64_t *)) {
@@ -94,6 +102,20 @@ static bw_status write_vtm(encoder *e) {
     bw_vtm_written written[BW_VTM_FILES];
     bw_status status = bw_vtm_write(e->ctx, e->cells, e->complex, (const double(*)[3])e->position, e->folder, written);
     for (int i = 0; i < BW_VTM_FILES && status == BW_OK; i++) bw_report_add_result(e->report, written[i].name, written[i].bytes);
+    return status;
+}
+
+static bw_status write_hex_formats(encoder *e, unsigned formats) {
+    if (!formats) return BW_OK;
+    bw_status status = bw_hex_skin_init(e->ctx, e->hex, &e->skin);
+    for (int f = 0; f < BW_HEX_FORMAT_COUNT && status == BW_OK; f++) {
+        char name[24];
+        if (!(formats >> f & 1)) continue;
+        e->hex_format = (bw_hex_format)f;
+        snprintf(name, sizeof name, "hexmesh.%s", bw_hex_formats[f].name);
+        status = write_result(e, name, write_hexes);
+    }
+    bw_hex_skin_clear(e->ctx, &e->skin);
     return status;
 }
 
@@ -148,17 +170,19 @@ static bw_status prepare(encoder *e, bw_cells *cells) {
 }
 
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_cells *cells,
-                    const bw_complex *complex, const int64_t *length, bool vtk, bw_report *report, const char *out_dir) {
+                    const bw_complex *complex, const int64_t *length, const bw_hex_mesh *hex, const bw_encode_options *options, bw_report *report,
+                    const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
-    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .report = report, .folder = out_dir};
+    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .hex = hex, .report = report, .folder = out_dir};
     bw_status status = prepare(&e, cells);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK && length) status = write_result(&e, "constraints.json", write_constraints);
     if (status == BW_OK && length && report->sweep_count) status = write_result(&e, "sizes.svg", write_sizes);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
-    if (status == BW_OK && vtk) status = write_vtm(&e);
+    if (status == BW_OK && options->vtk) status = write_vtm(&e);
+    if (status == BW_OK && hex) status = write_hex_formats(&e, options->hex_formats);
     if (status == BW_OK) status = measure_blocks(&e);
     if (status == BW_OK) bw_progress(ctx, 1);
     bw_tessellation_clear(ctx, &e.tessellation);

@@ -4,6 +4,7 @@
  *     blocks.json    nodes, arcs, patches, blocks                                          (format/blocks_json.h)
  *     constraints.json  with integer lengths: the differences of parameters they ask for   (format/constraints_json.h)
  *     sizes.svg      with a table over sizes: its charts                                   (format/sizes_svg.h)
+ *     hexmesh.*      with a hex mesh: in the formats asked for                             (format/hex_write.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
  * report.json is the pipeline's to write, when the stage's own time is known.
@@ -13,13 +14,20 @@
 
 #include "complex/complex.h"
 #include "format/report_json.h"
+#include "hex/hexmesh.h"
+
+typedef struct {
+    bool vtk;              /* also complex.vtm and its files */
+    unsigned hex_formats;  /* bit 1 << bw_hex_format: write hexmesh.<its name> */
+} bw_encode_options;
 
 /* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality
  * and results of the report; its complex.kind says which complex this is. cells was made from mesh and map;
- * all its tets are opened. length: integer lengths of the arcs, or NULL.
+ * all its tets are opened. length: integer lengths of the arcs, or NULL; hex: the hex mesh, or NULL.
  * Each file appears whole or not at all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY,
  * BW_E_CHECK, BW_E_CANCELLED. */
 bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map *map, bw_cells *cells,
-                    const bw_complex *complex, const int64_t *length, bool vtk, bw_report *report, const char *out_dir);
+                    const bw_complex *complex, const int64_t *length, const bw_hex_mesh *hex,
+                    const bw_encode_options *options, bw_report *report, const char *out_dir);
 
 #endif

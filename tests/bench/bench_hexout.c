@@ -6,24 +6,12 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "bwh.h"
-#include "format/hex_bwh.h"
 #include "format/hex_write.h"
 #include "machine.h"
-
-typedef bw_status writer(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
-
-static const struct {
-    const char *extension;
-    writer *write;
-} formats[] = {
-    {"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
-    {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"cgns", bw_hex_write_cgns}, {"bwh", bw_hex_write_bwh},
-};
 
 static void need(bw_context *ctx, bool good) {
     if (good) return;
@@ -86,16 +74,16 @@ static void run(int n, int cuts, double noise, const char *folder, bool keep) {
     double since = bench_seconds();
     need(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin) == BW_OK);
     printf("\n%zu hexes, %zu vertices, %d blocks, noise %g: skin %.2f s\n", mesh.hex_count, mesh.vertex_count, cuts * cuts * cuts, noise, bench_seconds() - since);
-    for (size_t f = 0; f < sizeof formats / sizeof *formats; f++) {
+    for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++) {
         char path[4096];
         uint64_t bytes;
-        snprintf(path, sizeof path, "%s/cube-%d-%g.%s", folder, cuts, noise, formats[f].extension);
+        snprintf(path, sizeof path, "%s/cube-%d-%g.%s", folder, cuts, noise, bw_hex_formats[f].name);
         size_t before = ctx.memory.peak = ctx.memory.used;
         since = bench_seconds();
-        need(&ctx, formats[f].write(&ctx, &mesh, &skin, path, &bytes) == BW_OK);
-        printf("  %-5s %8.1f MB %6.2f s   %7.1f MB peak\n", formats[f].extension, (double)bytes / 1e6, bench_seconds() - since,
+        need(&ctx, bw_hex_formats[f].write(&ctx, &mesh, &skin, path, &bytes) == BW_OK);
+        printf("  %-5s %8.1f MB %6.2f s   %7.1f MB peak\n", bw_hex_formats[f].name, (double)bytes / 1e6, bench_seconds() - since,
                (double)(ctx.memory.peak - before) / 1e6);
-        if (!strcmp(formats[f].extension, "bwh")) decode(path, (double)mesh.vertex_count, (double)bytes);
+        if (f == BW_HEX_FORMAT_BWH) decode(path, (double)mesh.vertex_count, (double)bytes);
         if (!keep) unlink(path);
     }
     bw_hex_skin_clear(&ctx, &skin);

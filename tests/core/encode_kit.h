@@ -50,7 +50,7 @@ static inline void encode_prepare(encoded *e, const char *name, int size, double
 
 static inline void encode_run(encoded *e) {
     kit_expect_ok(&e->ctx,
-                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, e->length, false, &e->report, e->folder));
+                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, e->length, NULL, &(bw_encode_options){0}, &e->report, e->folder));
 }
 
 static inline char *encode_read(const encoded *e, const char *file, size_t *size) {

@@ -97,13 +97,12 @@ static inline void hex_kit_room(bw_context *ctx, bw_hex_mesh *mesh, size_t hexes
     assert_true(mesh->position && mesh->held && mesh->carrier && mesh->hex && mesh->block && mesh->ijk);
 }
 
-/* Glues blocks. stream: of the random numbers; jitter: vertices leave their place by up to that. Free with bw_hex_mesh_clear. */
-static inline void hex_kit_make(bw_context *ctx, const hex_kit_block *block, int count, uint64_t stream, double jitter, bw_hex_mesh *mesh) {
+/* Glues blocks. random: turns their charts; jitter: vertices leave their place by up to that. Free with bw_hex_mesh_clear. */
+static inline void hex_kit_make(bw_context *ctx, const hex_kit_block *block, int count, kit_random random, double jitter, bw_hex_mesh *mesh) {
     size_t hexes = 0, h = 0;
     for (int b = 0; b < count; b++) hexes += (size_t)block[b].n[0] * (size_t)block[b].n[1] * (size_t)block[b].n[2];
     hex_kit_room(ctx, mesh, hexes, 8 * hexes);
     hex_kit_corner *corner = calloc(8 * hexes, sizeof *corner);
-    kit_random random = kit_random_start(stream);
     for (int b = 0; b < count; b++) {
         bw_rotation r = (bw_rotation)kit_random_below(&random, BW_ROTATIONS);
         int32_t at[3];
@@ -134,7 +133,7 @@ static inline void hex_kit_boxes(bw_context *ctx, const hex_kit_box *box, int co
         block[b] = (hex_kit_block){.point = hex_kit_box_point, .user = box};
         for (int k = 0; k < 3; k++) block[b].n[k] = box[b].high[k] - box[b].low[k];
     }
-    hex_kit_make(ctx, block, count, stream, 0.1, mesh);
+    hex_kit_make(ctx, block, count, kit_random_start(stream), 0.1, mesh);
     free(block);
 }
 
@@ -198,7 +197,7 @@ static inline void hex_kit_sweep(bw_context *ctx, const hex_kit_plan *plan, uint
     hex_kit_block *block = calloc((size_t)plan->quads, sizeof *block);
     for (int b = 0; b < plan->quads; b++)
         block[b] = (hex_kit_block){.n = {plan->n, plan->n, plan->layers}, .point = hex_kit_plan_point, .user = plan};
-    hex_kit_make(ctx, block, plan->quads, stream, 1e-3, mesh);
+    hex_kit_make(ctx, block, plan->quads, kit_random_start(stream), 1e-3, mesh);
     free(block);
 }
 

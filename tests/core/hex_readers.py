@@ -126,6 +126,21 @@ def meshio_inp(mesh, truth):
         same(f"nodes of surface {surface}", sorted(plain(mesh.point_sets[f"SURFACE_{surface}"])), sorted(nodes))
 
 
+def abaqus_surfaces(path, truth):
+    """meshio passes over surfaces: pairs of an element and the number of a face of C3D8."""
+    corner = {"S1": (0, 1, 2, 3), "S2": (4, 7, 6, 5), "S3": (0, 4, 5, 1), "S4": (1, 5, 6, 2), "S5": (2, 6, 7, 3), "S6": (3, 7, 4, 0)}
+    surfaces, current = {}, None
+    for line in open(path):
+        if line.startswith("*"):
+            current = int(line.rsplit("_", 1)[1]) if line.startswith("*SURFACE") else None
+        elif current is not None:
+            element, face = line.split(",")
+            surfaces.setdefault(current, []).append(sorted(truth.hexes[int(element) - 1][c] for c in corner[face.strip()]))
+    for surface in set(truth.surface):
+        quads = [sorted(q) for q, s in zip(truth.quads, truth.surface) if s == surface]
+        same(f"surface {surface}", sorted(surfaces[surface]), sorted(quads))
+
+
 def run_meshio(path, truth):
     import meshio
     extension = path.rsplit(".", 1)[1]
@@ -136,6 +151,8 @@ def run_meshio(path, truth):
     same("points", mesh.points, truth.points)
     positive(plain(mesh.points), cells_of(mesh, "hexahedron"))
     judge(mesh, truth)
+    if extension == "inp":
+        abaqus_surfaces(path, truth)
     return True
 
 

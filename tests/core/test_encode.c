@@ -1,6 +1,8 @@
 /* Encoding a job: every sample model, both complexes; same bytes again; failures leave nothing half written.
  */
 #include "core/encode_kit.h"
+#include "core/hex_kit.h"
+#include "format/hex_write.h"
 
 #include <sys/stat.h>
 
@@ -92,7 +94,7 @@ static void a_folder_that_cannot_be_made_is_an_io_error(void **state) {
     encoded e;
     encode_prepare(&e, "cuboid", 1, 0.5, BW_COMPLEX_MC);
     e.folder = kit_temp_path("missing/folder");
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, NULL, &(bw_encode_options){.vtk = true}, &e.report, e.folder),
                       BW_E_IO);
     assert_int_equal(e.report.result_count, 0);
     encode_clear(&e);
@@ -105,7 +107,7 @@ static void a_result_that_cannot_be_put_in_place_leaves_no_draft(void **state) {
     e.folder = kit_temp_path("blocked");
     assert_int_equal(mkdir(e.folder, 0777), 0);
     assert_int_equal(mkdir(kit_temp_path("blocked/blocks.json"), 0777), 0); /* a folder in the file's place */
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, NULL, &(bw_encode_options){.vtk = true}, &e.report, e.folder),
                       BW_E_IO);
     assert_true(kit_exists(kit_temp_path("blocked/traced.hexex")));
     assert_false(kit_exists(kit_temp_path("blocked/blocks.json.part")));
@@ -126,7 +128,7 @@ static void a_cancelled_job_stops_after_the_file_it_is_at(void **state) {
     stop_now = 0;
     e.ctx.cancel = &stop_now;
     e.ctx.log = stop;
-    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, true, &e.report, e.folder),
+    kit_expect_status(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, NULL, &(bw_encode_options){.vtk = true}, &e.report, e.folder),
                       BW_E_CANCELLED);
     assert_int_equal(e.report.result_count, 1);
     assert_false(kit_exists(kit_temp_path("cancelled/view.drc")));
@@ -136,7 +138,7 @@ static void a_cancelled_job_stops_after_the_file_it_is_at(void **state) {
 static bw_status encode_again(bw_context *ctx, void *user) {
     encoded *e = user;
     bw_report report = e->report;
-    return bw_encode(ctx, &e->mesh, &e->map, &e->cells, &e->complex, NULL, true, &report, e->folder);
+    return bw_encode(ctx, &e->mesh, &e->map, &e->cells, &e->complex, NULL, NULL, &(bw_encode_options){.vtk = true}, &report, e->folder);
 }
 
 static void every_refused_allocation_is_an_error_without_a_leak(void **state) {
@@ -147,6 +149,35 @@ static void every_refused_allocation_is_an_error_without_a_leak(void **state) {
     encode_clear(&e);
 }
 
+static void a_hex_mesh_is_written_in_the_formats_asked_for(void **state) {
+    (void)state;
+    encoded e;
+    bw_hex_mesh hex;
+    encode_prepare(&e, "cuboid", 1, 0.5, BW_COMPLEX_MC);
+    hex_kit_sample(&e.ctx, HEX_KIT_TEE, &hex);
+    for (unsigned formats = 0; formats < 1u << BW_HEX_FORMAT_COUNT; formats += 85) {
+        bw_report report = e.report;
+        e.folder = kit_temp_path("formats-%u", formats);
+        kit_expect_ok(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, &hex, &(bw_encode_options){false, formats}, &report, e.folder));
+        for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++) {
+            size_t found = 0, size;
+            char name[24];
+            snprintf(name, sizeof name, "hexmesh.%s", bw_hex_formats[f].name);
+            const char *path = kit_temp_path("formats-%u/%s", formats, name);
+            assert_int_equal(kit_exists(path), formats >> f & 1);
+            for (size_t r = 0; r < report.result_count; r++) {
+                if (strcmp(report.result[r].name, name)) continue;
+                free(kit_read_file(path, &size));
+                assert_int_equal(report.result[r].bytes, size);
+                found++;
+            }
+            assert_int_equal(found, formats >> f & 1);
+        }
+    }
+    bw_hex_mesh_clear(&e.ctx, &hex);
+    encode_clear(&e);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_sample_gives_cuboid_blocks_that_fill_the_model),
@@ -154,6 +185,7 @@ int main(void) {
         cmocka_unit_test(a_folder_that_cannot_be_made_is_an_io_error),
         cmocka_unit_test(a_result_that_cannot_be_put_in_place_leaves_no_draft),
         cmocka_unit_test(a_cancelled_job_stops_after_the_file_it_is_at),
+        cmocka_unit_test(a_hex_mesh_is_written_in_the_formats_asked_for),
         cmocka_unit_test(every_refused_allocation_is_an_error_without_a_leak),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);

@@ -4,17 +4,6 @@
  */
 #include "core/hex_files.h"
 
-typedef bw_status writer(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
-
-static const struct {
-    const char *extension;
-    writer *write;
-} formats[] = {
-    {"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu},
-    {"msh", bw_hex_write_msh},    {"ovm", bw_hex_write_ovm}, {"inp", bw_hex_write_inp},
-    {"cgns", bw_hex_write_cgns},
-};
-
 static int write_all(void **state) {
     (void)state;
     bw_context ctx;
@@ -27,8 +16,8 @@ static int write_all(void **state) {
         for (size_t h = 0; h < mesh.hex_count && i == HEX_KIT_COUNT; h++) mesh.block[h] = mesh.block[h] == 1 ? BW_NONE : mesh.block[h];
         kit_expect_ok(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin));
         hex_files_truth(&mesh, &skin, kit_temp_path("%s.json", name));
-        for (size_t f = 0; f < sizeof formats / sizeof *formats; f++)
-            kit_expect_ok(&ctx, formats[f].write(&ctx, &mesh, &skin, kit_temp_path("%s.%s", name, formats[f].extension), NULL));
+        for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++)
+            kit_expect_ok(&ctx, bw_hex_formats[f].write(&ctx, &mesh, &skin, kit_temp_path("%s.%s", name, bw_hex_formats[f].name), NULL));
         bw_hex_skin_clear(&ctx, &skin);
         bw_hex_mesh_clear(&ctx, &mesh);
     }

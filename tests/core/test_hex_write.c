@@ -3,17 +3,7 @@
 
 #include <stdio.h>
 
-#include "format/hex_bwh.h"
 #include "format/hex_write.h"
-
-typedef bw_status writer(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_skin *skin, const char *path, uint64_t *bytes);
-
-static const struct {
-    const char *extension;
-    writer *write;
-} formats[] = {{"mesh", bw_hex_write_medit}, {"vtk", bw_hex_write_vtk}, {"vtu", bw_hex_write_vtu}, {"msh", bw_hex_write_msh},
-             {"ovm", bw_hex_write_ovm},    {"inp", bw_hex_write_inp}, {"bwh", bw_hex_write_bwh}, {"cgns", bw_hex_write_cgns}};
-enum { FORMATS = sizeof formats / sizeof *formats };
 
 /* ---- Medit, read back token by token ------------------------------------------------------------------------------- */
 
@@ -98,15 +88,15 @@ static void medit_says_what_the_mesh_says(void **state) {
 
 static void a_folder_that_is_not_there_is_an_io_error(void **state) {
     (void)state;
-    for (int f = 0; f < FORMATS; f++) {
+    for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++) {
         bw_context ctx;
         bw_context_init(&ctx);
         bw_hex_mesh mesh;
         bw_hex_skin skin;
         hex_kit_sample(&ctx, HEX_KIT_FIVE, &mesh);
         kit_expect_ok(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin));
-        const char *path = kit_temp_path("not/there.%s", formats[f].extension);
-        kit_expect_status(&ctx, formats[f].write(&ctx, &mesh, &skin, path, NULL), BW_E_IO);
+        const char *path = kit_temp_path("not/there.%s", bw_hex_formats[f].name);
+        kit_expect_status(&ctx, bw_hex_formats[f].write(&ctx, &mesh, &skin, path, NULL), BW_E_IO);
         bw_hex_skin_clear(&ctx, &skin);
         bw_hex_mesh_clear(&ctx, &mesh);
         assert_int_equal(ctx.memory.used, 0);
@@ -121,8 +111,8 @@ typedef struct {
 
 static bw_status write_one(bw_context *ctx, void *user) {
     job *j = user;
-    const char *path = kit_temp_path("memory.%s", formats[j->format].extension);
-    return formats[j->format].write(ctx, j->mesh, j->skin, path, NULL);
+    const char *path = kit_temp_path("memory.%s", bw_hex_formats[j->format].name);
+    return bw_hex_formats[j->format].write(ctx, j->mesh, j->skin, path, NULL);
 }
 
 static void each_allocation_may_fail(void **state) {
@@ -133,7 +123,7 @@ static void each_allocation_may_fail(void **state) {
     bw_hex_skin skin;
     hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
     kit_expect_ok(&ctx, bw_hex_skin_init(&ctx, &mesh, &skin));
-    for (int f = 0; f < FORMATS; f++) assert_true(kit_fail_each_allocation(write_one, &(job){&mesh, &skin, f}) > 1);
+    for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++) assert_true(kit_fail_each_allocation(write_one, &(job){&mesh, &skin, f}) > 1);
     bw_hex_skin_clear(&ctx, &skin);
     bw_hex_mesh_clear(&ctx, &mesh);
 }

@@ -70,6 +70,7 @@ static void defaults_of_options_are_those_of_the_core(void **state) {
     assert_int_equal(stated.until, plain.until);
     assert_true(stated.tolerance == plain.tolerance);
     assert_true(stated.max_cells == plain.max_cells);
+    assert_int_equal(stated.hex_formats, plain.hex_formats);
     free(text);
     json_decref(all);
 }
@@ -77,7 +78,8 @@ static void defaults_of_options_are_those_of_the_core(void **state) {
 static void what_the_daemon_accepts_the_core_accepts(void **state) {
     (void)state;
     const char *values[] = {"-1", "0", "1e-300", "0.0001", "0.0999", "0.1", "0.5", "1", "2", "2000000000", "2000000001", "1.5",
-                            "\"mc\"", "\"bc\"", "\"encode\"", "\"trace\"", "\"\"", "true", "null", "[]", "1e400"};
+                            "\"mc\"", "\"bc\"", "\"encode\"", "\"trace\"", "\"\"", "true", "null", "[]", "1e400",
+                            "[\"cgns\",\"mesh\",\"vtk\",\"vtu\",\"msh\",\"ovm\",\"inp\",\"bwh\"]", "[\"\"]"};
     int accepted = 0;
     for (int o = 0; o < BW_API_OPTION_COUNT; o++)
         for (size_t v = 0; v < sizeof values / sizeof *values; v++) {

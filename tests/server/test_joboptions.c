@@ -46,6 +46,7 @@ static void equal_requests_have_equal_forms(void **state) {
                              {"{\"repair\":false}", "{}"},
                              {"{\"rounding\":false}", "{}"},
                              {"{\"tolerance\":0}", "{\"tolerance\":0.0}"},
+                             {"{\"hex_formats\":[\"bwh\",\"vtu\",\"mesh\",\"vtu\"]}", "{}"},
                              {"{\"complex\":\"bc\",\"max_cells\":7}", "{\"max_cells\":7,\"complex\":\"bc\"}"}};
     for (size_t i = 0; i < sizeof same / sizeof *same; i++) {
         json_t *x = check(same[i][0]), *y = check(same[i][1]);
@@ -63,6 +64,10 @@ static void a_refusal_names_the_option_and_what_it_may_be(void **state) {
                               {"{\"tolerance\":1}", "option tolerance must be a number at least 0 and less than 0.1"},
                               {"{\"repair\":\"yes\"}", "option repair must be true or false"},
                               {"{\"rounding\":1}", "option rounding must be true or false"},
+                              {"{\"hex_formats\":[\"vtu\",\"stl\"]}",
+                               "option hex_formats must be a list of up to 8 names, each one of mesh, vtk, vtu, msh, ovm, inp, cgns, bwh"},
+                              {"{\"hex_formats\":\"vtu\"}",
+                               "option hex_formats must be a list of up to 8 names, each one of mesh, vtk, vtu, msh, ovm, inp, cgns, bwh"},
                               {"{\"colour\":1}", "there is no option 'colour'"},
                               {"[]", "options must be an object"}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
