@@ -180,9 +180,9 @@ static const struct {
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
     [BW_STAGE_SANITIZE] = {"sanitize", 4, run_sanitize},
-    [BW_STAGE_TRACE] = {"trace", 7, run_trace},
-    [BW_STAGE_BUILD] = {"build", 8, run_build},
-    [BW_STAGE_REDUCE] = {"reduce", 5, run_reduce},
+    [BW_STAGE_TRACE] = {"trace", 8, run_trace},
+    [BW_STAGE_BUILD] = {"build", 9, run_build},
+    [BW_STAGE_REDUCE] = {"reduce", 6, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
     [BW_STAGE_EXTRACT] = {"extract", 2, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 7, run_encode},

@@ -4,16 +4,17 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-enum { NOT_SET = -2, FORCED = -3 /* a feature vertex: a node wherever it is on an arc */ };
+enum { FORCED = -3 /* a feature vertex: a node wherever it is on an arc */ };
 
-/* Counts the wall polygons around every edge: in b->edge_arc, until list_fans has looked at them. */
+/* Counts the wall polygons around every edge. */
 static void count_walls(bw_build *b) {
     const bw_cells *c = b->cells;
     for (size_t p = 0; p < c->polygon_count; p++) {
         if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p) || !(c->polygon[p].flags & BW_WALL)) continue;
         bw_half h = c->polygon[p].half;
         do {
-            b->edge_arc[c->half[h].edge]++;
+            bw_build_edge *e = &b->edge[c->half[h].edge];
+            *e = (*e ^ (bw_build_edge)p << 2) + ((*e & 3) < 3);
             h = c->half[h].next;
         } while (h != c->polygon[p].half);
     }
@@ -35,10 +36,11 @@ static arc_kind kind_of(const bw_cells *c, bw_cedge e) {
     return k;
 }
 
-/* Arc edges at each vertex, as lists. */
+/* Arc edges at each vertex, as lists, and the nodes. */
 typedef struct {
     size_t *begin;
     bw_cedge *edge;
+    bw_node *node; /* [vertex]: the node there, or BW_NONE */
 } fans;
 
 static bw_status list_fans(bw_build *b, fans *out) {
@@ -47,8 +49,8 @@ static bw_status list_fans(bw_build *b, fans *out) {
     if (!out->begin) return b->ctx->error.status;
     count_walls(b);
     for (size_t e = 0; e < c->edge_count; e++) {
-        b->edge_arc[e] = bw_cells_edge_is_arc(c, (bw_cedge)e, b->edge_arc[e]) ? NOT_SET : BW_NONE;
-        if (b->edge_arc[e] == BW_NONE) continue;
+        if (!bw_cells_edge_is_arc(c, (bw_cedge)e, b->edge[e] & 3)) continue;
+        b->edge[e] = BW_EDGE_WAITS;
         for (int i = 0; i < 2; i++) out->begin[c->edge[e].vertex[i] + 2]++;
     }
     for (size_t v = 2; v < c->vertex_count + 2; v++) out->begin[v] += out->begin[v - 1];
@@ -56,7 +58,7 @@ static bw_status list_fans(bw_build *b, fans *out) {
     if (!out->edge) return b->ctx->error.status;
     for (size_t e = 0; e < c->edge_count; e++)
         for (int i = 0; i < 2; i++)
-            if (b->edge_arc[e] == NOT_SET) out->edge[out->begin[c->edge[e].vertex[i] + 1]++] = (bw_cedge)e;
+            if (b->edge[e] == BW_EDGE_WAITS) out->edge[out->begin[c->edge[e].vertex[i] + 1]++] = (bw_cedge)e;
     return BW_OK;
 }
 
@@ -67,20 +69,22 @@ static bool is_node(const bw_cells *c, const fans *f, bw_cvertex v) {
     return k[0].quarters != k[1].quarters || k[0].flags != k[1].flags || k[0].walls != k[1].walls;
 }
 
-static bw_status number_nodes(bw_build *b, const fans *f) {
+static bw_status number_nodes(bw_build *b, fans *f) {
     const bw_cells *c = b->cells;
     const bw_tet_mesh *mesh = c->mesh;
     bw_complex *x = b->complex;
-    for (size_t i = 0; i < mesh->feature_vertex_count; i++) b->vertex_node[mesh->feature_vertex[i]] = FORCED;
+    f->node = bw_alloc(b->ctx, c->vertex_count, sizeof *f->node);
+    if (!f->node) return b->ctx->error.status;
+    for (size_t i = 0; i < mesh->feature_vertex_count; i++) f->node[mesh->feature_vertex[i]] = FORCED;
     for (size_t v = 0; v < c->vertex_count; v++) {
-        bool forced = b->vertex_node[v] == FORCED && f->begin[v + 1] > f->begin[v];
-        b->vertex_node[v] = forced || is_node(c, f, (bw_cvertex)v) ? (bw_node)x->node_count++ : BW_NONE;
+        bool forced = f->node[v] == FORCED && f->begin[v + 1] > f->begin[v];
+        f->node[v] = forced || is_node(c, f, (bw_cvertex)v) ? (bw_node)x->node_count++ : BW_NONE;
     }
     x->node_vertex = bw_alloc(b->ctx, x->node_count, sizeof *x->node_vertex);
     x->node_flags = bw_alloc(b->ctx, x->node_count, sizeof *x->node_flags);
     if (!x->node_vertex || !x->node_flags) return b->ctx->error.status;
     for (size_t v = 0; v < c->vertex_count; v++) {
-        bw_node n = b->vertex_node[v];
+        bw_node n = f->node[v];
         if (n == BW_NONE) continue;
         x->node_vertex[n] = (bw_cvertex)v;
         for (size_t i = f->begin[v]; i < f->begin[v + 1]; i++) {
@@ -90,7 +94,7 @@ static bw_status number_nodes(bw_build *b, const fans *f) {
         }
     }
     for (size_t i = 0; i < mesh->feature_vertex_count; i++) {
-        bw_node n = b->vertex_node[mesh->feature_vertex[i]];
+        bw_node n = f->node[mesh->feature_vertex[i]];
         if (n != BW_NONE) x->node_flags[n] |= BW_NODE_FEATURE;
     }
     return BW_OK;
@@ -119,16 +123,16 @@ static bw_status follow(bw_build *b, const fans *f, bw_cvertex start, bw_cedge e
     x->arc_flags[a] = kind.flags;
     bw_cvertex v = start;
     for (;;) {
-        b->edge_arc[edge] = a;
+        b->edge[edge] = (bw_build_edge)a << 2 | BW_EDGE_ON_ARC;
         x->arc_edge[(*edges)++] = edge;
         x->arc_length[a] += floor_length(c, edge, v);
         v = c->edge[edge].vertex[c->edge[edge].vertex[0] == v];
-        if (b->vertex_node[v] != BW_NONE || v == start) break;
+        if (f->node[v] != BW_NONE || v == start) break;
         const bw_cedge *fan = &f->edge[f->begin[v]];
         edge = fan[fan[0] == edge];
     }
-    x->arc_node[a][0] = b->vertex_node[start];
-    x->arc_node[a][1] = b->vertex_node[v];
+    x->arc_node[a][0] = f->node[start];
+    x->arc_node[a][1] = f->node[v];
     x->arc_edge_begin[a + 1] = *edges;
     return bw_poll(b->ctx);
 }
@@ -146,19 +150,20 @@ static bw_status number_arcs(bw_build *b, const fans *f) {
     bw_status status = b->ctx->error.status;
     for (int closed = 0; closed < 2 && status == BW_OK; closed++) /* arcs between nodes, then circles without any */
         for (size_t v = 0; v < c->vertex_count && status == BW_OK; v++) {
-            if (!closed && b->vertex_node[v] == BW_NONE) continue;
+            if (!closed && f->node[v] == BW_NONE) continue;
             for (size_t i = f->begin[v]; i < f->begin[v + 1] && status == BW_OK; i++)
-                if (b->edge_arc[f->edge[i]] == NOT_SET) status = follow(b, f, (bw_cvertex)v, f->edge[i], &edges);
+                if (b->edge[f->edge[i]] == BW_EDGE_WAITS) status = follow(b, f, (bw_cvertex)v, f->edge[i], &edges);
         }
     return status;
 }
 
 bw_status bw_build_arcs(bw_build *b) {
-    fans f = {NULL, NULL};
+    fans f = {NULL, NULL, NULL};
     bw_status status = list_fans(b, &f);
     if (status == BW_OK) status = number_nodes(b, &f);
     if (status == BW_OK) status = number_arcs(b, &f);
     bw_free(b->ctx, f.begin);
     bw_free(b->ctx, f.edge);
+    bw_free(b->ctx, f.node);
     return status;
 }

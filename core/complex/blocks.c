@@ -2,123 +2,30 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-/* A flood through the cells of one block after the other. Neighbouring tets mostly have the same chart, so cells share theirs. */
-typedef struct {
-    bw_build *b;
-    bw_cell *stack;
-    size_t count, room, chart_room, block_room;
-    uint8_t *done; /* [cell]: all its neighbours were looked at */
-} flood;
+/* ---- sets ---------------------------------------------------------------------------------------------------------- */
 
-static bw_status new_chart(flood *f, const bw_transition *chart, bw_cell cell) {
-    bw_complex *x = f->b->complex;
-    bw_status status = bw_reserve(f->b->ctx, &x->chart, &f->chart_room, x->chart_count + 1);
-    if (status != BW_OK) return status;
-    x->cell_chart[cell] = (int32_t)x->chart_count;
-    x->chart[x->chart_count++] = *chart;
-    return BW_OK;
-}
-
-static bw_status enter(flood *f, bw_cell cell, bw_block block) {
-    bw_status status = bw_reserve(f->b->ctx, &f->stack, &f->room, f->count + 1);
-    if (status != BW_OK) return status;
-    f->b->complex->cell_block[cell] = block;
-    f->stack[f->count++] = cell;
-    return BW_OK;
-}
-
-/* From a cell to its neighbour, unless that had its turn; `facet` is between them, BW_NONE if they are in one tet. A block in which a cell can
- * have two different charts is a torus (or worse): not_cuboid. */
-static bw_status reach(flood *f, bw_cell from, bw_cell to, bw_facet facet) {
-    const bw_cells *c = f->b->cells;
-    bw_complex *x = f->b->complex;
-    if (f->done[to]) return BW_OK;
-    bw_block block = x->cell_block[from];
-    bool known = x->cell_block[to] != BW_NONE;
-    bw_status status = known ? BW_OK : enter(f, to, block);
-    if (status != BW_OK) return status;
-    bw_transition chart = *bw_complex_chart(x, from);
-    if (facet != BW_NONE && bw_grid_map_same_chart(c->map, facet)) facet = BW_NONE;
-    if (facet != BW_NONE) {
-        bw_transition back = bw_grid_map_across(c->mesh, c->map, facet, bw_cells_tet(c, to));
-        chart = bw_transition_compose(&chart, &back);
-    }
-    if (!known && facet != BW_NONE) return new_chart(f, &chart, to);
-    if (!known) x->cell_chart[to] = x->cell_chart[from];
-    else if ((facet != BW_NONE || x->cell_chart[to] != x->cell_chart[from]) && !bw_transition_equal(&chart, bw_complex_chart(x, to)))
-        f->b->not_cuboid[block] = 1;
-    return BW_OK;
-}
-
-/* To all neighbours across the leaves of a facet's polygon that are no walls. */
-static bw_status reach_across_parts(flood *f, bw_cell from, bw_polygon p) {
-    const bw_cells *c = f->b->cells;
-    bw_status status = BW_OK;
-    if (bw_cells_polygon_is_leaf(c, p))
-        return c->polygon[p].flags & BW_WALL ? BW_OK : reach(f, from, bw_cells_across(c, p, from), c->polygon[p].carrier);
-    for (int i = 0; i < 2 && status == BW_OK; i++) status = reach_across_parts(f, from, bw_cells_polygon_part(c, p, i));
-    return status;
-}
-
-static bw_status reach_from(flood *f, bw_cell cell) {
-    const bw_cells *c = f->b->cells;
-    bw_status status = BW_OK;
-    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
-        const bw_cell_polygon *q = &c->polygon[p];
-        if (!(q->flags & BW_WALL)) status = reach(f, cell, bw_cells_across(c, p, cell), q->kind == BW_IN_FACET ? q->carrier : BW_NONE);
-    }
-    for (int i = 0; i < 4 && !bw_cells_is_open(c, cell) && status == BW_OK; i++) {
-        bw_facet facet = c->mesh->tet_facet[cell][i];
-        bw_polygon p = c->of_facet[facet];
-        if (p == BW_NONE) status = reach(f, cell, bw_tet_across(c->mesh, facet, cell), facet);
-        else status = reach_across_parts(f, cell, p);
-    }
-    f->done[cell] = 1;
-    return status;
-}
-
-static bw_status flood_block(flood *f, bw_cell lowest) {
-    const bw_transition identity = {{0, 0, 0}, 0};
-    bw_build *b = f->b;
-    bw_block block = (bw_block)b->complex->block_count++;
-    bw_status status = bw_reserve(b->ctx, &b->not_cuboid, &f->block_room, b->complex->block_count);
-    if (status == BW_OK) status = new_chart(f, &identity, lowest);
-    if (status == BW_OK) status = enter(f, lowest, block);
-    for (size_t steps = 1; f->count && status == BW_OK; steps++) {
-        status = reach_from(f, f->stack[--f->count]);
-        if (steps % 65536 == 0 && status == BW_OK) status = bw_poll(b->ctx);
-    }
-    return status;
-}
-
-/* Cells that no wall separates are one block; blocks are numbered by their lowest cells, whose charts they have. */
-static bw_status lay_out(bw_build *b) {
-    bw_complex *x = b->complex;
-    flood f = {.b = b, .done = bw_alloc(b->ctx, x->cell_count, 1)};
-    x->cell_block = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_block);
-    x->cell_chart = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_chart);
-    bw_status status = b->ctx->error.status;
-    for (size_t i = 0; i < x->cell_count && status == BW_OK; i++) x->cell_block[i] = BW_NONE;
-    for (size_t i = 0; i < x->cell_count && status == BW_OK; i++)
-        if (x->cell_block[i] == BW_NONE) status = flood_block(&f, (bw_cell)i);
-    if (status == BW_OK) status = bw_trim(b->ctx, &x->chart, &f.chart_room, x->chart_count);
-    bw_free(b->ctx, f.stack), bw_free(b->ctx, f.done);
-    return status;
-}
-
-/* ---- joining ------------------------------------------------------------------------------------------------------- */
-
-/* Disjoint sets of blocks; a root is the lowest of its set, like the cells that number them. */
+/* Disjoint sets of blocks, or of what is going to be blocks; a root is the lowest of its set, like the cells that number them. */
 typedef struct {
     bw_block *parent;
     bw_transition *chart; /* from the chart of a block to that of its parent */
     uint8_t *twisted;     /* reached with two different charts */
 } forest;
 
-static bw_block root_of(const forest *f, bw_block x, bw_transition *chart) {
+static bw_status forest_init(bw_build *b, forest *f, size_t n) {
+    *f = (forest){bw_alloc(b->ctx, n, sizeof *f->parent), bw_alloc(b->ctx, n, sizeof *f->chart), bw_alloc(b->ctx, n, 1)};
+    for (size_t i = 0; i < n && b->ctx->error.status == BW_OK; i++) f->parent[i] = (bw_block)i;
+    return b->ctx->error.status;
+}
+
+static void forest_clear(bw_build *b, forest *f) { bw_free(b->ctx, f->parent), bw_free(b->ctx, f->chart), bw_free(b->ctx, f->twisted); }
+
+/* The root of a block, which becomes its parent. */
+static bw_block root_of(forest *f, bw_block x, bw_transition *chart) {
+    bw_block root = x;
     *chart = (bw_transition){{0, 0, 0}, 0};
-    for (; f->parent[x] != x; x = f->parent[x]) *chart = bw_transition_compose(&f->chart[x], chart);
-    return x;
+    for (; f->parent[root] != root; root = f->parent[root]) *chart = bw_transition_compose(&f->chart[root], chart);
+    f->parent[x] = root, f->chart[x] = *chart;
+    return root;
 }
 
 /* Joins blocks a and b; `across` leads from the chart of b to that of a. */
@@ -138,6 +45,104 @@ static void join(forest *f, bw_block a, bw_block b, const bw_transition *across)
     f->twisted[root[low]] |= f->twisted[root[!low]];
 }
 
+/* ---- finding ------------------------------------------------------------------------------------------------------- */
+
+/* Cells with one chart that no wall separates are a set first: cell_block is the parent of each, no higher than itself. Most cells are joined thus,
+ * for neighbouring tets mostly have the same chart. */
+static bw_cell set_of(bw_block *parent, bw_cell x) {
+    for (; parent[x] != x; x = parent[x]) parent[x] = parent[parent[x]];
+    return x;
+}
+
+static void unite(bw_block *parent, const bw_cell cell[2]) {
+    bw_cell a = set_of(parent, cell[0]), b = set_of(parent, cell[1]);
+    if (a < b) parent[b] = a;
+    else parent[a] = b;
+}
+
+/* Whether a polygon joins its cells; `facet` is between them, BW_NONE if they have one chart. */
+static bool joins(const bw_cells *c, bw_polygon p, bw_facet *facet) {
+    const bw_cell_polygon *q = &c->polygon[p];
+    *facet = q->kind == BW_IN_FACET && !(q->flags & BW_WALL) && !bw_grid_map_same_chart(c->map, q->carrier) ? q->carrier : BW_NONE;
+    return bw_cells_polygon_is_leaf(c, p) && !(q->flags & BW_WALL);
+}
+
+static bw_status unite_charts(bw_build *b) {
+    const bw_cells *c = b->cells;
+    bw_block *parent = b->complex->cell_block;
+    bw_facet facet;
+    for (size_t i = 0; i < c->cell_count; i++) parent[i] = (bw_block)i;
+    for (size_t f = 0; f < c->mesh->facet_count; f++)
+        if (c->of_facet[f] == BW_NONE && bw_grid_map_same_chart(c->map, (bw_facet)f)) unite(parent, c->mesh->facet_tet[f]);
+    bw_status status = bw_poll(b->ctx);
+    for (size_t p = 0; p < c->polygon_count; p++)
+        if (joins(c, (bw_polygon)p, &facet) && facet == BW_NONE) unite(parent, c->polygon[p].cell);
+    return status == BW_OK ? bw_poll(b->ctx) : status;
+}
+
+/* Numbers the charts by their lowest cells. */
+static void number_charts(bw_complex *x) {
+    for (size_t i = 0; i < x->cell_count; i++) {
+        bw_cell parent = x->cell_block[i];
+        x->cell_chart[i] = parent == (bw_cell)i ? (int32_t)x->chart_count++ : x->cell_chart[parent];
+    }
+}
+
+/* Sets that lie beside each other in different charts are one block, laid out in the chart of its lowest cell. One that can be reached in
+ * two different ways is a torus (or worse). */
+static void join_charts(const bw_build *b, forest *f) {
+    const bw_cells *c = b->cells;
+    const int32_t *chart = b->complex->cell_chart;
+    bw_transition across;
+    bw_facet facet;
+    for (size_t i = 0; i < c->mesh->facet_count; i++) {
+        if (c->of_facet[i] != BW_NONE || bw_grid_map_same_chart(c->map, (bw_facet)i)) continue;
+        const bw_tet *tet = c->mesh->facet_tet[i];
+        across = bw_grid_map_across(c->mesh, c->map, (bw_facet)i, tet[1]);
+        join(f, chart[tet[0]], chart[tet[1]], &across);
+    }
+    for (size_t p = 0; p < c->polygon_count; p++) {
+        if (!joins(c, (bw_polygon)p, &facet) || facet == BW_NONE) continue;
+        const bw_cell *cell = c->polygon[p].cell;
+        across = bw_cells_transition(c, (bw_polygon)p, cell[1]);
+        join(f, chart[cell[0]], chart[cell[1]], &across);
+    }
+}
+
+/* Numbers the blocks that the sets of a forest are. */
+static bw_status number_blocks(bw_build *b, forest *f, size_t n, bw_block **number) {
+    bw_transition chart;
+    *number = bw_alloc(b->ctx, n, sizeof **number);
+    b->not_cuboid = bw_alloc(b->ctx, n, 1);
+    for (size_t i = 0; i < n && b->ctx->error.status == BW_OK; i++) {
+        bw_block root = root_of(f, (bw_block)i, &chart);
+        (*number)[i] = root == (bw_block)i ? (bw_block)b->complex->block_count++ : (*number)[root];
+        b->not_cuboid[(*number)[i]] |= f->twisted[i];
+    }
+    return b->ctx->error.status;
+}
+
+static bw_status lay_out(bw_build *b) {
+    bw_complex *x = b->complex;
+    forest f = {NULL, NULL, NULL};
+    bw_block *number = NULL;
+    x->cell_block = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_block);
+    x->cell_chart = bw_alloc(b->ctx, x->cell_count, sizeof *x->cell_chart);
+    bw_status status = b->ctx->error.status == BW_OK ? unite_charts(b) : b->ctx->error.status;
+    if (status == BW_OK) number_charts(x);
+    x->chart = bw_alloc(b->ctx, x->chart_count, sizeof *x->chart);
+    if (status == BW_OK) status = forest_init(b, &f, x->chart_count);
+    if (status == BW_OK) join_charts(b, &f);
+    if (status == BW_OK) status = number_blocks(b, &f, x->chart_count, &number);
+    for (size_t i = 0; i < x->chart_count && status == BW_OK; i++) root_of(&f, (bw_block)i, &x->chart[i]);
+    for (size_t i = 0; i < x->cell_count && status == BW_OK; i++) x->cell_block[i] = number[x->cell_chart[i]];
+    bw_free(b->ctx, number);
+    forest_clear(b, &f);
+    return status;
+}
+
+/* ---- joining ------------------------------------------------------------------------------------------------------- */
+
 static void join_across_gone_walls(const bw_build *b, forest *f) {
     const bw_complex *old = b->before;
     for (size_t p = 0; p < old->patch_count; p++) {
@@ -149,17 +154,11 @@ static void join_across_gone_walls(const bw_build *b, forest *f) {
 }
 
 /* Takes cells and charts over from the complex before, with the numbers of the joined blocks. */
-static bw_status relabel(bw_build *b, const forest *f) {
+static bw_status relabel(bw_build *b, forest *f) {
     bw_complex *x = b->complex, *old = b->before;
     bw_transition chart;
-    bw_block *number = bw_alloc(b->ctx, old->block_count, sizeof *number), *of_chart = bw_alloc(b->ctx, old->chart_count, sizeof *of_chart);
-    b->not_cuboid = bw_alloc(b->ctx, old->block_count, 1);
-    bw_status status = b->ctx->error.status;
-    for (size_t i = 0; i < old->block_count && status == BW_OK; i++) {
-        bw_block root = root_of(f, (bw_block)i, &chart);
-        number[i] = root == (bw_block)i ? (bw_block)x->block_count++ : number[root];
-        b->not_cuboid[number[i]] |= f->twisted[i];
-    }
+    bw_block *number = NULL, *of_chart = bw_alloc(b->ctx, old->chart_count, sizeof *of_chart);
+    bw_status status = of_chart ? number_blocks(b, f, old->block_count, &number) : b->ctx->error.status;
     for (size_t i = 0; i < old->cell_count && status == BW_OK; i++) {
         of_chart[old->cell_chart[i]] = old->cell_block[i];
         old->cell_block[i] = number[old->cell_block[i]];
@@ -176,13 +175,11 @@ static bw_status relabel(bw_build *b, const forest *f) {
 
 /* The blocks of the complex before, joined where walls were taken away. */
 static bw_status join_blocks(bw_build *b) {
-    size_t n = b->before->block_count;
-    forest f = {bw_alloc(b->ctx, n, sizeof *f.parent), bw_alloc(b->ctx, n, sizeof *f.chart), bw_alloc(b->ctx, n, 1)};
-    bw_status status = b->ctx->error.status;
-    for (size_t i = 0; i < n && status == BW_OK; i++) f.parent[i] = (bw_block)i;
+    forest f;
+    bw_status status = forest_init(b, &f, b->before->block_count);
     if (status == BW_OK) join_across_gone_walls(b, &f);
     if (status == BW_OK) status = relabel(b, &f);
-    bw_free(b->ctx, f.parent), bw_free(b->ctx, f.chart), bw_free(b->ctx, f.twisted);
+    forest_clear(b, &f);
     return status;
 }
 

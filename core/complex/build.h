@@ -4,13 +4,17 @@
 
 #include "complex/complex.h"
 
+/* What the walls around an edge of the cell complex make of it: a kind in the lowest two bits and a number above. While they are counted the kind is
+ * how many they are, 3 standing for more, and the number all polygons joined by exclusive or: of two, either gives the other. */
+typedef uint32_t bw_build_edge;
+enum { BW_EDGE_FREE, BW_EDGE_ON_ARC /* number: the arc */, BW_EDGE_FLAT /* the two polygons */, BW_EDGE_WAITS /* for its arc */ };
+
 typedef struct {
     bw_context *ctx;
     const bw_cells *cells;
     bw_complex *complex;
     bw_complex *before;     /* NULL, or the complex when there were more walls: gives its arrays of cells and charts away */
-    bw_arc *edge_arc;       /* [cell complex edge]: its arc; BW_NONE if walls pass it flat, or it carries none */
-    bw_node *vertex_node;   /* [cell complex vertex] */
+    bw_build_edge *edge;    /* [edge of the cell complex] */
     int64_t (*low)[3];      /* [block]: its box in its chart, before the low corner is moved to the origin */
     int64_t (*high)[3];
     uint8_t *not_cuboid;    /* [block] */
@@ -23,7 +27,7 @@ typedef struct {
 bw_status bw_build_arcs(bw_build *b);
 /* Blocks: cells, charts, boxes, and in which of their sides walls lie. */
 bw_status bw_build_blocks(bw_build *b);
-/* Patches with polygons, blocks and sides. */
+/* Patches with polygons, blocks and sides; after arcs and blocks. */
 bw_status bw_build_patches(bw_build *b);
 /* Corners, chains and side lists of patches and blocks; BW_ARC_T. Only where every block is a cuboid. */
 bw_status bw_build_chains(bw_build *b);

@@ -40,18 +40,17 @@ static bw_status list_tori(bw_build *b, bw_torus_list *tori) {
 static bw_status build(bw_context *ctx, const bw_cells *cells, bw_complex *complex, bw_complex *before, bw_torus_list *tori) {
     memset(complex, 0, sizeof *complex);
     bw_build b = {.ctx = ctx, .cells = cells, .complex = complex, .before = before};
-    b.edge_arc = bw_alloc(ctx, cells->edge_count, sizeof *b.edge_arc);
-    b.vertex_node = bw_alloc(ctx, cells->vertex_count, sizeof *b.vertex_node);
+    b.edge = bw_alloc(ctx, cells->edge_count, sizeof *b.edge);
+    bw_status status = b.edge ? bw_build_arcs(&b) : ctx->error.status;
     b.polygon_patch = bw_alloc(ctx, cells->polygon_count, sizeof *b.polygon_patch);
     b.polygon_slot = bw_alloc(ctx, cells->polygon_count, 1);
     b.polygon_side = bw_alloc(ctx, cells->polygon_count, sizeof *b.polygon_side);
-    bw_status status = ctx->error.status;
-    if (status == BW_OK) status = bw_build_arcs(&b);
+    if (status == BW_OK) status = ctx->error.status;
     if (status == BW_OK) status = bw_build_blocks(&b);
     if (status == BW_OK) status = list_tori(&b, tori);
     if (status == BW_OK && tori->count == 0) status = bw_build_patches(&b);
     if (status == BW_OK && tori->count == 0) status = bw_build_chains(&b);
-    void *scratch[] = {b.edge_arc, b.vertex_node, b.low, b.high, b.not_cuboid, b.polygon_patch, b.polygon_slot, b.polygon_side};
+    void *scratch[] = {b.edge, b.low, b.high, b.not_cuboid, b.polygon_patch, b.polygon_slot, b.polygon_side};
     for (size_t i = 0; i < sizeof scratch / sizeof *scratch; i++) bw_free(ctx, scratch[i]);
     if (status != BW_OK) bw_complex_clear(ctx, complex);
     return status;

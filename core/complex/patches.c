@@ -4,19 +4,27 @@
 #include "complex/build.h"
 #include "mesh/walk.h"
 
-/* Whether a wall at an edge is not part of a patch yet. */
-static bool has_free_wall(const bw_build *b, bw_cedge e) {
-    const bw_cells *c = b->cells;
-    bw_half head = c->edge[e].half, h = head;
-    do {
-        bw_polygon p = c->half[h].polygon;
-        if (c->polygon[p].flags & BW_WALL && b->polygon_patch[p] == BW_NONE) return true;
-        h = c->half[h].radial;
-    } while (h != head);
-    return false;
+/* The side of a block in which a wall polygon lies, seen from the cell in its slot; -1 outside. */
+static int64_t seen_from(const bw_build *b, bw_polygon p, int slot) {
+    bw_cell cell = b->cells->polygon[p].cell[slot];
+    return cell == BW_NONE ? -1 : 8 * (int64_t)b->complex->cell_block[cell] + b->polygon_side[p][slot];
 }
 
-/* Grows a patch from one polygon across the edges that are no arcs, keeping its two sides apart. */
+/* Which cell of polygon q is on side 0 of the patch, as that in the slot of its neighbour p is. What the cells see tells them apart, unless a block touches
+ * one of its sides with that side itself: then one has to walk around the edge between them. */
+static int slot_beside(const bw_build *b, bw_polygon p, bw_cedge e, bw_polygon q) {
+    int slot = b->polygon_slot[p];
+    int64_t seen[2] = {seen_from(b, p, slot), seen_from(b, p, !slot)};
+    int64_t other[2] = {seen_from(b, q, 0), seen_from(b, q, 1)};
+    bool first = other[0] == seen[0] && other[1] == seen[1], second = other[1] == seen[0] && other[0] == seen[1];
+    if (first != second) return second;
+    bool inside = b->cells->polygon[p].cell[slot] != BW_NONE;
+    if (!inside) slot = !slot;
+    bw_walk_wall(b->cells, e, p, &slot, NULL);
+    return inside ? slot : !slot;
+}
+
+/* Grows a patch from one polygon across the edges that are no arcs, each between two wall polygons, keeping its two sides apart. */
 static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *list, size_t *count) {
     const bw_cells *c = b->cells;
     size_t at = *count;
@@ -29,15 +37,11 @@ static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *
         do {
             bw_cedge e = c->half[h].edge;
             h = c->half[h].next;
-            if (b->edge_arc[e] != BW_NONE || !has_free_wall(b, e)) continue;
-            int slot = b->polygon_slot[p];
-            bool inside = c->polygon[p].cell[slot] != BW_NONE;
-            if (!inside) slot = !slot;
-            bw_polygon q = bw_walk_wall(c, e, p, &slot, NULL);
-            if (!inside) slot = !slot;
+            if ((b->edge[e] & 3) != BW_EDGE_FLAT) continue;
+            bw_polygon q = (bw_polygon)(b->edge[e] >> 2) ^ p;
             if (b->polygon_patch[q] != BW_NONE) continue;
             b->polygon_patch[q] = patch;
-            b->polygon_slot[q] = (uint8_t)slot;
+            b->polygon_slot[q] = (uint8_t)slot_beside(b, p, e, q);
             list[(*count)++] = q;
         } while (h != c->polygon[p].half);
     }

@@ -36,7 +36,7 @@ static uint64_t count_none(const int32_t *list, size_t n) {
 }
 
 static bool was_cut(const bw_cells *cells, bw_tet tet) {
-    bw_polygon p = cells->first[tet];
+    bw_polygon p = bw_cells_first_in_cell(cells, tet);
     while (p != BW_NONE && cells->polygon[p].kind != BW_IN_TET) p = bw_cells_next_in_cell(cells, p, tet);
     return p != BW_NONE;
 }

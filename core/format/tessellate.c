@@ -9,7 +9,7 @@
     for (bw_half h = (cells)->polygon[p].half, h##_end = BW_NONE; h != h##_end;                              \
          h##_end = (cells)->polygon[p].half, h = (cells)->half[h].next)
 #define FOR_POLYGONS(cells, p, c)                                                                            \
-    for (bw_polygon p = (cells)->first[c]; p != BW_NONE; p = bw_cells_next_in_cell((cells), p, (c)))
+    for (bw_polygon p = bw_cells_first_in_cell((cells), c); p != BW_NONE; p = bw_cells_next_in_cell((cells), p, (c)))
 
 /* ---- sizes, straight corners
  * ------------------------------------------------------------------------------------- */

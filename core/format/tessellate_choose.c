@@ -82,14 +82,14 @@ static bw_status view_room(bw_context *ctx, view *w, size_t polygons, size_t use
 static bw_status view_open(const chooser *c, view *w, bw_cell cell) {
     const bw_cells *cells = c->cells;
     size_t polygons = 0, uses = 0;
-    for (bw_polygon p = cells->first[cell]; p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell))
+    for (bw_polygon p = bw_cells_first_in_cell(cells, cell); p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell))
         polygons++, uses += (size_t)c->t->size[p];
     bw_status status = view_room(c->ctx, w, polygons, uses);
     if (status != BW_OK) return status;
     w->cell = cell;
     w->polygons = w->vertices = w->uses = 0;
     w->planes = w->triangles = 0;
-    for (bw_polygon p = cells->first[cell]; p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell)) {
+    for (bw_polygon p = bw_cells_first_in_cell(cells, cell); p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell)) {
         int32_t plane = plane_number(cells, w, p);
         struct view_polygon *x = &w->polygon[w->polygons++];
         *x = (struct view_polygon){.polygon = p, .plane = plane, .begin = w->uses};
@@ -184,7 +184,7 @@ static bool has_vertex(const chooser *c, bw_polygon p, bw_cvertex v) {
 static void give_back(const chooser *c, bw_cell cell) {
     bw_cvertex apex = c->t->apex[cell];
     c->t->apex[cell] = BW_NONE;
-    for (bw_polygon p = c->cells->first[cell]; p != BW_NONE;
+    for (bw_polygon p = bw_cells_first_in_cell(c->cells, cell); p != BW_NONE;
          p = bw_cells_next_in_cell(c->cells, p, cell)) {
         if (c->t->fan[p] == BW_NONE || !has_vertex(c, p, apex)) continue;
         bw_cell other = bw_cells_across(c->cells, p, cell);
@@ -258,7 +258,7 @@ static bool choose_tet(const chooser *c, bw_cell cell) {
     const bw_cells *cells = c->cells;
     int polygons = 0;
     bw_cvertex lowest = INT32_MAX;
-    for (bw_polygon p = cells->first[cell]; p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell)) {
+    for (bw_polygon p = bw_cells_first_in_cell(cells, cell); p != BW_NONE; p = bw_cells_next_in_cell(cells, p, cell)) {
         if (c->t->size[p] > 3 || ++polygons > 4) return false;
         for (int i = 0, h = cells->polygon[p].half; i < 3; i++, h = cells->half[h].next)
             if (cells->half[h].origin < lowest) lowest = cells->half[h].origin;

@@ -118,7 +118,7 @@ static void need_polygon(writer *w, bw_polygon p) {
 
 static bw_status take_faces(writer *w, bw_cell cell) {
     w->face_count = 0;
-    for (bw_polygon p = w->cells->first[cell]; p != BW_NONE;
+    for (bw_polygon p = bw_cells_first_in_cell(w->cells, cell); p != BW_NONE;
          p = bw_cells_next_in_cell(w->cells, p, cell)) {
         bw_status status = bw_reserve(w->ctx, &w->face, &w->face_room, w->face_count + 1);
         if (status == BW_OK) status = bw_reserve(w->ctx, &w->turned, &w->turned_room, w->face_count + 1);
@@ -193,7 +193,7 @@ static bw_status orient_faces(writer *w, bw_cell cell) {
  * `mark`: [vertex] the last cell that had it, plus 1. */
 static uint64_t cell_points(writer *w, bw_cell cell, int32_t *mark, bool write) {
     uint64_t n = 0;
-    for (bw_polygon p = w->cells->first[cell]; p != BW_NONE;
+    for (bw_polygon p = bw_cells_first_in_cell(w->cells, cell); p != BW_NONE;
          p = bw_cells_next_in_cell(w->cells, p, cell)) {
         bw_half first = w->cells->polygon[p].half, h = first;
         do {
@@ -211,7 +211,7 @@ static uint64_t cell_points(writer *w, bw_cell cell, int32_t *mark, bool write) 
 
 static uint64_t face_numbers(const writer *w, bw_cell cell) {
     uint64_t n = 1;
-    for (bw_polygon p = w->cells->first[cell]; p != BW_NONE;
+    for (bw_polygon p = bw_cells_first_in_cell(w->cells, cell); p != BW_NONE;
          p = bw_cells_next_in_cell(w->cells, p, cell))
         n += 1 + polygon_size(w->cells, p);
     return n;
@@ -265,7 +265,7 @@ static bw_status write_blocks(writer *w, const char *path, uint64_t *bytes) {
     int32_t *mark = bw_alloc(w->ctx, cells->vertex_count, sizeof *mark);
     if (!mark) return w->ctx->error.status;
     for (size_t c = 0; c < count; c++) {
-        for (bw_polygon p = cells->first[c]; p != BW_NONE;
+        for (bw_polygon p = bw_cells_first_in_cell(cells, (bw_cell)c); p != BW_NONE;
              p = bw_cells_next_in_cell(cells, p, (bw_cell)c))
             need_polygon(w, p);
         corners += cell_points(w, (bw_cell)c, mark, false);

@@ -235,21 +235,6 @@ static bw_status split_edge(bw_context *ctx, bw_cells *c, bw_cedge e, const bw_c
     return BW_OK;
 }
 
-/* Puts the two parts of a polygon in its place among the polygons of a cell. */
-static void replace_in_cell(bw_cells *c, bw_cell cell, bw_polygon old, bw_polygon part) {
-    bw_polygon rest = bw_cells_next_in_cell(c, old, cell);
-    int slot = c->polygon[part].cell[0] != cell;
-    c->polygon[part].in_cell[slot] = part + 1;
-    c->polygon[part + 1].in_cell[slot] = rest;
-    if (c->first[cell] == old) {
-        c->first[cell] = part;
-        return;
-    }
-    bw_polygon p = c->first[cell], next;
-    while ((next = bw_cells_next_in_cell(c, p, cell)) != old) p = next;
-    c->polygon[p].in_cell[c->polygon[p].cell[0] != cell] = part;
-}
-
 /* Gives the half-edges from `first` up to (not including) `end` to polygon p and closes the cycle with a half-edge of e. */
 static void close_cycle(bw_cells *c, bw_polygon p, bw_half first, bw_half last, bw_cvertex from, bw_cedge e) {
     bw_half h = (bw_half)c->half_count++;
@@ -260,8 +245,8 @@ static void close_cycle(bw_cells *c, bw_polygon p, bw_half first, bw_half last, 
     for (bw_half x = first; x != h; x = c->half[x].next) c->half[x].polygon = p;
 }
 
-/* Splits a polygon by a new edge between the origins of two of its half-edges: its first part is the side after h[0]. `cell` is the cell
- * being cut, whose list is made anew afterwards; the one across is put right. */
+/* Splits a polygon by a new edge between the origins of two of its half-edges: its first part is the side after h[0]. In the list of the cell
+ * across, the parts follow each other and lead on where the polygon did; that of `cell`, which is being cut, is made anew afterwards. */
 static bw_polygon split_polygon(bw_cells *c, bw_cell cell, bw_polygon p, const bw_half h[2], const bw_cell_edge *line) {
     bw_cedge e = (bw_cedge)c->edge_count++;
     c->edge[e] = *line;
@@ -273,8 +258,7 @@ static bw_polygon split_polygon(bw_cells *c, bw_cell cell, bw_polygon p, const b
         c->polygon[part + i] = c->polygon[p];
         close_cycle(c, part + i, h[i], last[i], c->edge[e].vertex[!i], e);
     }
-    bw_cell across = bw_cells_across(c, p, cell);
-    if (across != BW_NONE && bw_cells_is_open(c, across)) replace_in_cell(c, across, p, part);
+    c->polygon[part].in_cell[c->polygon[p].cell[0] == cell] = part + 1;
     c->polygon[p].half = BW_NONE;
     c->polygon[p].in_cell[0] = part;
     return part;
@@ -294,7 +278,7 @@ static unsigned side_of(int sign) { return sign < 0 ? BELOW : sign > 0 ? ABOVE :
 
 /* The three steps of looking at a cell. Each touches memory all over the place and tells the processor what the next will need. */
 static bw_status collect_faces(bw_context *ctx, bw_cells *c, cut *k) {
-    bw_polygon p = c->first[k->cell];
+    bw_polygon p = bw_cells_first_in_cell(c, k->cell);
     for (;; p = bw_cells_next_in_cell(c, p, k->cell), k->faces++) {
         bw_status status = bw_reserve(ctx, &c->face, &c->face_room, k->faces + 1);
         if (status != BW_OK) return status;

@@ -70,7 +70,8 @@ typedef struct {
     bw_half half;          /* any half-edge; BW_NONE if the polygon was split */
     bw_cell cell[2];       /* cell[1] is BW_NONE on the boundary */
     bw_polygon in_cell[2]; /* next polygon of cell[0], of cell[1] (singly linked, from the cell's first; unused where the cell is not opened);
-                              of one that was split in_cell[0] is the first of its two parts, which have consecutive numbers */
+                              of one that was split in_cell[0] is the first of its two parts, which have consecutive numbers: what
+                              names it in a list goes on there */
     int32_t burnt;         /* index of its distance; BW_NONE if it did not burn: no wall, or the boundary */
     int8_t axis;           /* kind BW_IN_TET: of the iso-plane in the tet's chart; else -1 unless the facet is aligned, then chart of facet_tet[0] */
     uint8_t kind;          /* bw_carrier: BW_IN_FACET or BW_IN_TET */
@@ -85,7 +86,7 @@ typedef struct {
     bw_cell_edge *edge;
     bw_cell_half *half;
     bw_cell_polygon *polygon;
-    bw_polygon *first;    /* [cell]: its first polygon; BW_NONE for a tet that is not opened */
+    bw_polygon *first;    /* [cell]: its first polygon, which may have been split since; BW_NONE for a tet that is not opened */
     bw_tet *cut_from;     /* [cell - tet_count]: the tet that a cell made by a cut lies in */
     int64_t *section;     /* [cell - tet_count]: the value of the plane of the cut that made the cell */
     int64_t *distance;    /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
@@ -131,11 +132,20 @@ static inline bw_tet bw_cells_tet(const bw_cells *cells, bw_cell cell) {
 static inline bw_cell bw_cells_across(const bw_cells *cells, bw_polygon p, bw_cell from) {
     return cells->polygon[p].cell[cells->polygon[p].cell[0] == from];
 }
-static inline bw_polygon bw_cells_next_in_cell(const bw_cells *cells, bw_polygon p, bw_cell cell) {
-    return cells->polygon[p].in_cell[cells->polygon[p].cell[0] != cell];
-}
 static inline bool bw_cells_polygon_is_leaf(const bw_cells *cells, bw_polygon p) {
     return cells->polygon[p].half != BW_NONE;
+}
+/* The first leaf of a polygon that a list names. */
+static inline bw_polygon bw_cells_first_leaf(const bw_cells *cells, bw_polygon p) {
+    while (p != BW_NONE && !bw_cells_polygon_is_leaf(cells, p)) p = cells->polygon[p].in_cell[0];
+    return p;
+}
+/* The polygons of an opened cell, one after the other; BW_NONE after the last. */
+static inline bw_polygon bw_cells_first_in_cell(const bw_cells *cells, bw_cell cell) {
+    return bw_cells_first_leaf(cells, cells->first[cell]);
+}
+static inline bw_polygon bw_cells_next_in_cell(const bw_cells *cells, bw_polygon p, bw_cell cell) {
+    return bw_cells_first_leaf(cells, cells->polygon[p].in_cell[cells->polygon[p].cell[0] != cell]);
 }
 static inline bool bw_cells_edge_is_leaf(const bw_cells *cells, bw_cedge e) { return cells->edge[e].half != BW_NONE; }
 /* The two parts, i = 0 or 1, of what was split. */

@@ -1,26 +1,42 @@
 /* The validator of the cell complex: see the invariants in cells.h. */
+#include <string.h>
+
 #include "base/parallel.h"
 #include "mesh/cells.h"
 
 enum { IN_RING = 1, IN_CYCLE = 2 };
-enum { BATCH = 256 }; /* vertices of a cell that are located at a time: all of them, but for very large cells */
-
-/* Vertices of the cell at hand with the numbers first .. first + count - 1, in the chart of its tet. */
+/* A cell, gathered from all over the memory once. Everything is in the order of its polygons. */
 typedef struct {
-    struct located {
-        int64_t floor[3];
-        unsigned fractions;
-    } vertex[BATCH];
-    uint32_t first, count;
-} batch;
+    bw_polygon polygon;
+    uint32_t begin; /* its corners, up to the next face's */
+} face;
 
-/* What one range of cells needs for itself. Vertices are counted through all cells of the range; the cell at hand has those
- * numbered visited + 1 .. visited + count. */
 typedef struct {
-    bw_cell *edge_seen;    /* [edge]: 1 + the last cell that it was seen in once; negative: twice */
-    uint32_t *vertex_seen; /* [vertex]: its number when it was seen last */
-    uint32_t visited, count;
-    size_t edges, closed; /* edges of the cell; those seen twice */
+    bw_cvertex vertex;
+    bw_cedge edge;
+    uint32_t number; /* of the vertex in the cell */
+} corner;
+
+/* A vertex in the chart of the cell's tet. */
+typedef struct {
+    int64_t floor[3];
+    unsigned fractions;
+} located;
+
+/* An entry of a hash table, keyed by an edge or a vertex. */
+typedef struct {
+    int32_t key; /* and one; 0: free */
+    uint32_t value;
+} slot;
+
+/* What one range of cells needs for itself. */
+typedef struct {
+    face *face;       /* [room + 1] */
+    corner *corner;   /* [room] */
+    located *at;      /* [room] */
+    slot *table;      /* [4 * room], a power of two */
+    size_t most;      /* corners of the largest cell that there was no room for: it was not looked at */
+    size_t faces, corners, vertices;
 } scratch;
 
 typedef struct {
@@ -28,6 +44,7 @@ typedef struct {
     uint8_t *half_seen; /* [half]: IN_RING, IN_CYCLE */
     uint32_t *begin;    /* [tet + 1]: the cells that cuts made in it, in `cut`; tet by tet, for neighbours share memory */
     bw_cell *cut;
+    size_t room;
     scratch range[BW_PARALLEL_MOST];
 } checker;
 
@@ -108,9 +125,6 @@ static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int r
 
 /* ---- cells --------------------------------------------------------------------------------------------------------- */
 
-#define FOR_POLYGONS(c, p, cell_)                                                                                     \
-    for (bw_polygon p = (c)->first[cell_]; p != BW_NONE; p = bw_cells_next_in_cell((c), p, (cell_)))
-
 static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, bw_polygon polygon) {
     const bw_cell_polygon *p = &c->polygon[polygon];
     bw_tet tet = bw_cells_tet(c, cell);
@@ -122,55 +136,90 @@ static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, b
     return BW_OK;
 }
 
-/* Notes the edges and vertices of a polygon of the cell. */
-static bw_status visit_polygon(bw_context *ctx, const bw_cells *c, scratch *s, bw_cell cell, bw_polygon p) {
-    bw_half h = c->polygon[p].half;
-    do {
-        bw_cell *seen = &s->edge_seen[c->half[h].edge];
-        uint32_t *vertex = &s->vertex_seen[c->half[h].origin];
-        if (*seen == -(cell + 1)) return violated(ctx, "a cell has three polygons at an edge", cell);
-        if (*seen == cell + 1) *seen = -(cell + 1), s->closed++;
-        else *seen = cell + 1, s->edges++;
-        if (*vertex <= s->visited) *vertex = s->visited + ++s->count;
-        h = c->half[h].next;
-    } while (h != c->polygon[p].half);
+/* Gathers faces and corners of a cell; what comes beyond `room` is only counted. */
+static bw_status gather(bw_context *ctx, const bw_cells *c, scratch *s, size_t room, bw_cell cell) {
+    s->faces = s->corners = 0;
+    for (bw_polygon p = bw_cells_first_in_cell(c, cell); p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell)) {
+        bw_status status = check_place(ctx, c, cell, p);
+        if (status == BW_OK && s->faces == c->polygon_count) status = violated(ctx, "a cell's list of polygons does not end", cell);
+        if (status != BW_OK) return status;
+        __builtin_prefetch(&c->half[c->polygon[p].half]);
+        if (s->faces < room) s->face[s->faces] = (face){p, 0};
+        s->faces++;
+    }
+    for (size_t i = 0; i < s->faces && s->faces <= room; i++) {
+        bw_half first = c->polygon[s->face[i].polygon].half, h = first;
+        s->face[i].begin = (uint32_t)s->corners;
+        do {
+            if (s->corners < room) s->corner[s->corners] = (corner){c->half[h].origin, c->half[h].edge, 0};
+            __builtin_prefetch(&c->vertex[c->half[h].origin]);
+            s->corners++;
+            h = c->half[h].next;
+        } while (h != first);
+    }
+    if (s->corners < s->faces) s->corners = s->faces; /* there was no room for these */
+    if (s->corners <= room) s->face[s->faces].begin = (uint32_t)s->corners;
     return BW_OK;
 }
 
-static void locate(const bw_cells *c, const scratch *s, bw_cell cell, batch *at) {
-    FOR_POLYGONS(c, p, cell) {
-        bw_half h = c->polygon[p].half;
-        do {
-            bw_cvertex v = c->half[h].origin;
-            uint32_t i = s->vertex_seen[v] - at->first;
-            h = c->half[h].next;
-            if (i > at->count || i >= BATCH) continue;
-            if (i == at->count) at->vertex[at->count++].fractions = bw_cells_locate(c, v, bw_cells_tet(c, cell), at->vertex[i].floor);
-        } while (h != c->polygon[p].half);
+/* The entry of a key, or the free one that it may have. */
+static slot *find(slot *table, size_t size, int32_t key) {
+    size_t i = (size_t)((uint32_t)key * 0x9e3779b1u >> 7) & (size - 1);
+    while (table[i].key && table[i].key != key + 1) i = (i + 1) & (size - 1);
+    return &table[i];
+}
+
+/* A table for twice as many keys as the cell has corners. */
+static size_t empty_table(scratch *s) {
+    size_t size = 16;
+    while (size < 2 * s->corners) size *= 2;
+    memset(s->table, 0, size * sizeof *s->table);
+    return size;
+}
+
+/* Every edge is in two of the cell's polygons. */
+static bw_status check_closed(bw_context *ctx, scratch *s, bw_cell cell) {
+    size_t size = empty_table(s), open = 0;
+    for (size_t i = 0; i < s->corners; i++) {
+        slot *edge = find(s->table, size, s->corner[i].edge);
+        edge->key = s->corner[i].edge + 1;
+        if (++edge->value > 2) return violated(ctx, "a cell has three polygons at an edge", cell);
+        open += edge->value == 1 ? 1 : (size_t)-1;
+    }
+    return open ? violated(ctx, "a cell is open at an edge", cell) : BW_OK;
+}
+
+/* Numbers the vertices, and finds where they are. */
+static void locate(const bw_cells *c, scratch *s, bw_cell cell) {
+    size_t size = empty_table(s);
+    bw_tet tet = bw_cells_tet(c, cell);
+    s->vertices = 0;
+    for (size_t i = 0; i < s->corners; i++) {
+        corner *x = &s->corner[i];
+        slot *vertex = find(s->table, size, x->vertex);
+        if (!vertex->key) {
+            *vertex = (slot){x->vertex + 1, (uint32_t)s->vertices++};
+            s->at[vertex->value].fractions = bw_cells_locate(c, x->vertex, tet, s->at[vertex->value].floor);
+        }
+        x->number = vertex->value;
     }
 }
 
-static int side_of(const struct located *v, int axis, int64_t value) {
+static int side_of(const located *v, int axis, int64_t value) {
     if (v->floor[axis] != value) return v->floor[axis] < value ? -1 : 1;
     return v->fractions >> axis & 1;
 }
 
 /* Vertices of a cell against one of its iso-planes: all lie on the cell's side, cell[0] below, cell[1] above, and those of the
  * polygon in it. */
-static bw_status check_convex(bw_context *ctx, const bw_cells *c, const scratch *s, bw_cell cell, bw_polygon polygon, const batch *at) {
-    const bw_cell_polygon *p = &c->polygon[polygon];
+static bw_status check_convex(bw_context *ctx, const bw_cells *c, const scratch *s, bw_cell cell, const face *f) {
+    const bw_cell_polygon *p = &c->polygon[f->polygon];
     int64_t value = c->section[p->carrier];
     int outside = p->cell[0] == cell ? 1 : -1;
-    for (uint32_t i = 0; i < at->count; i++)
-        if (side_of(&at->vertex[i], p->axis, value) == outside)
-            return violated(ctx, "a cell's vertex lies beyond its plane", cell);
-    bw_half h = p->half;
-    do {
-        uint32_t i = s->vertex_seen[c->half[h].origin] - at->first;
-        if (i < at->count && side_of(&at->vertex[i], p->axis, value))
-            return violated(ctx, "a polygon's vertex lies beside its plane", polygon);
-        h = c->half[h].next;
-    } while (h != p->half);
+    for (size_t i = 0; i < s->vertices; i++)
+        if (side_of(&s->at[i], p->axis, value) == outside) return violated(ctx, "a cell's vertex lies beyond its plane", cell);
+    for (uint32_t i = f->begin; i < f[1].begin; i++)
+        if (side_of(&s->at[s->corner[i].number], p->axis, value)) return violated(ctx, "a polygon's vertex lies beside its plane", f->polygon);
     return BW_OK;
 }
 
@@ -191,28 +240,19 @@ static bw_status check_whole(bw_context *ctx, const bw_cells *c, bw_tet tet) {
 
 /* The cell's polygons close up: each of their edges is in exactly two of them; by Euler's formula they form a sphere if they
  * are connected, which two faces per edge and one ring per vertex give: V - E + F = 2. */
-static bw_status check_cell(bw_context *ctx, const bw_cells *c, scratch *s, bw_cell cell) {
-    bw_status status = BW_OK;
-    size_t polygons = 0;
-    bool was_cut = false;
-    s->visited += s->count;
-    s->count = 0;
-    s->edges = s->closed = 0;
-    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
-        status = check_place(ctx, c, cell, p);
-        if (status == BW_OK) status = visit_polygon(ctx, c, s, cell, p);
-        was_cut = was_cut || c->polygon[p].kind == BW_IN_TET;
-        polygons++;
+static bw_status check_cell(bw_context *ctx, const checker *k, scratch *s, bw_cell cell) {
+    const bw_cells *c = k->c;
+    bw_status status = gather(ctx, c, s, k->room, cell);
+    if (status == BW_OK && s->corners > k->room) {
+        if (s->corners > s->most) s->most = s->corners;
+        return BW_OK;
     }
-    if (status == BW_OK && s->closed != s->edges) status = violated(ctx, "a cell is open at an edge", cell);
-    if (status == BW_OK && s->count + polygons != s->edges + 2) status = violated(ctx, "a cell is not a ball", cell);
-    for (uint32_t done = 0; was_cut && done < s->count && status == BW_OK; done += BATCH) {
-        batch at;
-        at.first = s->visited + 1 + done, at.count = 0;
-        locate(c, s, cell, &at);
-        for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell))
-            if (c->polygon[p].kind == BW_IN_TET) status = check_convex(ctx, c, s, cell, p, &at);
-    }
+    if (status == BW_OK) status = check_closed(ctx, s, cell);
+    if (status != BW_OK) return status;
+    locate(c, s, cell);
+    if (s->vertices + s->faces != s->corners / 2 + 2) return violated(ctx, "a cell is not a ball", cell);
+    for (const face *f = s->face; f < s->face + s->faces && status == BW_OK; f++)
+        if (c->polygon[f->polygon].kind == BW_IN_TET) status = check_convex(ctx, c, s, cell, f);
     return status;
 }
 
@@ -221,9 +261,9 @@ static bw_status check_tets(bw_context *ctx, size_t begin, size_t end, int range
     bw_status status = BW_OK;
     for (size_t t = begin; t < end && status == BW_OK; t++) {
         status = check_whole(ctx, k->c, (bw_tet)t);
-        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k->c, &k->range[range], (bw_cell)t);
+        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k, &k->range[range], (bw_cell)t);
         for (uint32_t i = k->begin[t]; i < k->begin[t + 1] && status == BW_OK; i++)
-            if (bw_cells_is_open(k->c, k->cut[i])) status = check_cell(ctx, k->c, &k->range[range], k->cut[i]);
+            if (bw_cells_is_open(k->c, k->cut[i])) status = check_cell(ctx, k, &k->range[range], k->cut[i]);
     }
     return status;
 }
@@ -243,6 +283,39 @@ static bw_status sort_by_tet(bw_context *ctx, checker *k) {
     return BW_OK;
 }
 
+static void clear_room(bw_context *ctx, checker *k, int ranges) {
+    for (scratch *s = k->range; s < k->range + ranges; s++) {
+        bw_free(ctx, s->face), bw_free(ctx, s->corner), bw_free(ctx, s->at), bw_free(ctx, s->table);
+        memset(s, 0, sizeof *s);
+    }
+}
+
+static bw_status make_room(bw_context *ctx, checker *k, int ranges, size_t room) {
+    clear_room(ctx, k, ranges);
+    k->room = room;
+    for (int i = 0; i < ranges; i++) {
+        scratch *s = &k->range[i];
+        *s = (scratch){.face = bw_alloc(ctx, room + 1, sizeof *s->face), .corner = bw_alloc(ctx, room, sizeof *s->corner),
+                       .at = bw_alloc(ctx, room, sizeof *s->at), .table = bw_alloc(ctx, 4 * room, sizeof *s->table)};
+    }
+    return ctx->error.status;
+}
+
+/* Checks all cells; again from the start, should there be one that takes more room. */
+static bw_status check_cells(bw_context *ctx, checker *k, int ranges) {
+    size_t tets = k->c->mesh->tet_count, need = 1024;
+    bw_status status = BW_OK;
+    while (status == BW_OK && need > k->room) {
+        size_t room = 1;
+        while (room < need) room *= 2;
+        status = make_room(ctx, k, ranges, room);
+        if (status == BW_OK) status = bw_parallel(ctx, tets, ranges, check_tets, k);
+        for (int i = 0; i < ranges; i++)
+            if (k->range[i].most > need) need = k->range[i].most;
+    }
+    return status;
+}
+
 bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
     enum { LEAST = 2048 }; /* fewer items are not worth a thread */
     checker k = {.c = cells, .half_seen = bw_alloc(ctx, cells->half_count, 1)};
@@ -254,13 +327,8 @@ bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
     bw_free(ctx, k.half_seen);
     if (status == BW_OK) status = sort_by_tet(ctx, &k);
     int ranges = bw_parallel_ranges(ctx, cells->mesh->tet_count, LEAST);
-    for (int i = 0; i < ranges && status == BW_OK; i++) {
-        k.range[i].edge_seen = bw_alloc(ctx, cells->edge_count, sizeof *k.range[i].edge_seen);
-        k.range[i].vertex_seen = bw_alloc(ctx, cells->vertex_count, sizeof *k.range[i].vertex_seen);
-        status = ctx->error.status;
-    }
-    if (status == BW_OK) status = bw_parallel(ctx, cells->mesh->tet_count, ranges, check_tets, &k);
+    if (status == BW_OK) status = check_cells(ctx, &k, ranges);
     bw_free(ctx, k.begin), bw_free(ctx, k.cut);
-    for (int i = 0; i < ranges; i++) bw_free(ctx, k.range[i].edge_seen), bw_free(ctx, k.range[i].vertex_seen);
+    clear_room(ctx, &k, ranges);
     return status;
 }

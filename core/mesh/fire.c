@@ -225,7 +225,7 @@ static bool polygon_has_vertex(const bw_cells *c, bw_polygon p, bw_cvertex v) {
 }
 
 static bool cell_has_vertex(const bw_cells *c, bw_cell cell, bw_cvertex v) {
-    for (bw_polygon p = c->first[cell]; p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell))
+    for (bw_polygon p = bw_cells_first_in_cell(c, cell); p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell))
         if (polygon_has_vertex(c, p, v)) return true;
     return false;
 }
@@ -240,7 +240,7 @@ static bw_status cells_at_vertex(bw_fire *f, bw_tet tet, bw_cvertex v, size_t *c
     f->around[n++] = tet; /* the first cell of a tet keeps its number */
     for (size_t i = 0; i < n && status == BW_OK; i++) {
         bw_cell cell = f->around[i];
-        for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+        for (bw_polygon p = bw_cells_first_in_cell(c, cell); p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
             if (c->polygon[p].kind != BW_IN_TET) continue;
             bw_cell to = bw_cells_across(c, p, cell);
             bool known = false;
@@ -262,7 +262,7 @@ static bw_status ignite_cell_at_vertex(bw_fire *f, bw_cell cell, bw_cvertex v, b
     bw_polygon section;
     bw_status status = bw_fire_cut(f, cell, plane, &section);
     if (status != BW_OK || section == BW_NONE) return status;
-    for (bw_polygon p = c->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
+    for (bw_polygon p = bw_cells_first_in_cell(c, cell); p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(c, p, cell)) {
         bw_plane q = bw_cells_polygon_plane(c, p, bw_cells_tet(c, cell));
         if (q.axis == plane.axis && q.value == plane.value && !(c->polygon[p].flags & BW_WALL) && polygon_has_vertex(c, p, v))
             status = burn(f, p, BW_NONE, cell, 0, EVERYWHERE);

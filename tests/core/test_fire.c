@@ -71,7 +71,7 @@ static bw_cell middle_of_block(const fixture *f, bw_block block, int axis, bw_pl
         *plane =
             bw_transition_plane(&back, (bw_plane){f->complex.block_extent[block][axis] / 2, (int8_t)axis});
         int sides = 0;
-        for (bw_polygon p = f->cells.first[cell]; p != BW_NONE;
+        for (bw_polygon p = bw_cells_first_in_cell(&f->cells, cell); p != BW_NONE;
              p = bw_cells_next_in_cell(&f->cells, p, (bw_cell)cell)) {
             bw_half h = f->cells.polygon[p].half;
             do {

@@ -98,7 +98,7 @@ static bw_plane random_plane(const fixture *f, bw_cell cell, kit_random *random)
     int8_t axis = (int8_t)kit_random_below(random, 3);
     int64_t low = INT64_MAX, high = INT64_MIN;
     bw_tet tet = bw_cells_tet(&f->cells, cell);
-    for (bw_polygon p = f->cells.first[cell]; p != BW_NONE;
+    for (bw_polygon p = bw_cells_first_in_cell(&f->cells, cell); p != BW_NONE;
          p = bw_cells_next_in_cell(&f->cells, p, cell)) {
         bw_half h = f->cells.polygon[p].half;
         do {
@@ -190,7 +190,7 @@ static void printed_parameters_are_the_exact_ones_on_any_grid(void **state) {
     mpq_t q[3];
     mpq_inits(q[0], q[1], q[2], NULL);
     for (size_t c = 0; c < f.cells.cell_count; c++)
-        for (bw_polygon p = f.cells.first[c]; p != BW_NONE;
+        for (bw_polygon p = bw_cells_first_in_cell(&f.cells, c); p != BW_NONE;
              p = bw_cells_next_in_cell(&f.cells, p, (bw_cell)c)) {
             bw_cvertex v = f.cells.half[f.cells.polygon[p].half].origin;
             bw_tet tet = bw_cells_tet(&f.cells, c);
