@@ -76,7 +76,7 @@ static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state 
     bw_status status = bw_build_complex(ctx, &state->cells, &how, &state->complex);
     if (status != BW_OK) return status;
     state->has_complex = true;
-    bw_report_fill_trace(&state->report, &state->cells); /* torus splitting may have cut more cells */
+    if (how.split_self_adjacent || state->complex.torus_splits) bw_report_fill_trace(&state->report, &state->cells); /* more walls and cells */
     bw_report_fill_complex(&state->report, &state->complex, complex_names[options->complex]);
     return BW_OK;
 }
@@ -134,7 +134,8 @@ static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state
     if (options->effort >= 2 && options->complex == BW_COMPLEX_MC)
         status = take_if_better(ctx, options, state, &how, &found, &from_base);
     if (status != BW_OK) return status;
-    bw_report_fill_trace(&state->report, &state->cells);
+    if (from_base) bw_report_fill_trace(&state->report, &state->cells);
+    else bw_report_fill_walls(&state->report, &state->cells);
     bw_report_fill_reduced(&state->report, &state->complex, reduce_names[options->reduce]);
     snprintf(state->report.complex.reduced.from, sizeof state->report.complex.reduced.from, "%s",
              complex_names[from_base ? BW_COMPLEX_BC : options->complex]);

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/large.h"
+
 typedef union {
     size_t bytes;
     max_align_t align;
@@ -75,6 +77,33 @@ static void *refuse(bw_context *ctx, size_t bytes) {
     return NULL;
 }
 
+/* Blocks of this many bytes are large. A memory checker shall see all of them. */
+#ifdef __SANITIZE_ADDRESS__
+static const size_t large = SIZE_MAX;
+#else
+static const size_t large = 2 * BW_HUGE_PAGE;
+#endif
+
+static void release(header *h) {
+    if (h->bytes + sizeof *h >= large) bw_large_free(h, h->bytes + sizeof *h);
+    else free(h);
+}
+
+/* Resizes a block, header included (before == 0: a new one); new bytes are zero. */
+static header *resize(header *old, size_t before, size_t whole) {
+    if (before >= large && whole >= large) return bw_large_resize(old, before, whole);
+    if (before < large && whole < large) {
+        header *now = old ? realloc(old, whole) : calloc(1, whole);
+        if (now && old && whole > before) memset((char *)now + before, 0, whole - before);
+        return now;
+    }
+    header *now = whole >= large ? bw_large_new(whole) : malloc(whole);
+    if (!now || !old) return now;
+    memcpy(now, old, before < whole ? before : whole);
+    release(old);
+    return now;
+}
+
 void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size) {
     bw_memory *m = &ctx->memory;
     size_t bytes, whole;
@@ -85,9 +114,8 @@ void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size) {
     if (m->fail_at && ++m->calls >= m->fail_at) return refuse(ctx, bytes);
     if (bytes > before && m->limit && (m->used > m->limit || bytes - before > m->limit - m->used))
         return refuse(ctx, bytes - before);
-    header *now = old ? realloc(old, whole) : calloc(1, whole);
+    header *now = resize(old, old ? before + sizeof(header) : 0, whole);
     if (!now) return refuse(ctx, bytes);
-    if (old && bytes > before) memset((char *)(now + 1) + before, 0, bytes - before);
     now->bytes = bytes;
     m->used += bytes - before;
     if (m->used > m->peak) m->peak = m->used;
@@ -100,7 +128,7 @@ void bw_free(bw_context *ctx, void *block) {
     if (!block) return;
     header *h = (header *)block - 1;
     ctx->memory.used -= h->bytes;
-    free(h);
+    release(h);
 }
 
 bw_status bw_trim_(bw_context *ctx, void **items, size_t *capacity, size_t count, size_t size) {

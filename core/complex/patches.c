@@ -33,6 +33,8 @@ static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *
     b->polygon_slot[seed] = 0;
     for (; at < *count; at++) {
         bw_polygon p = list[at];
+        if (at + 8 < *count) __builtin_prefetch(&c->polygon[list[at + 8]]);
+        if (at + 4 < *count) __builtin_prefetch(&c->half[c->polygon[list[at + 4]].half]);
         bw_half h = c->polygon[p].half;
         do {
             bw_cedge e = c->half[h].edge;

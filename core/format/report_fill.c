@@ -35,10 +35,9 @@ static uint64_t count_none(const int32_t *list, size_t n) {
     return count;
 }
 
+/* A cell that was cut has the section of its last cut as the first of its list. */
 static bool was_cut(const bw_cells *cells, bw_tet tet) {
-    bw_polygon p = bw_cells_first_in_cell(cells, tet);
-    while (p != BW_NONE && cells->polygon[p].kind != BW_IN_TET) p = bw_cells_next_in_cell(cells, p, tet);
-    return p != BW_NONE;
+    return bw_cells_is_open(cells, tet) && cells->polygon[cells->first[tet]].kind == BW_IN_TET;
 }
 
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
@@ -49,13 +48,18 @@ void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {
     for (size_t t = 0; t < cells->mesh->tet_count; t++) report->trace.cut_cells += was_cut(cells, (bw_tet)t);
     report->trace.edges = count_none(cells->of_edge, cells->mesh->edge_count);
     report->trace.polygons = count_none(cells->of_facet, cells->mesh->facet_count);
-    report->trace.wall_polygons = report->trace.boundary_polygons = 0;
     for (size_t e = 0; e < cells->edge_count; e++)
         report->trace.edges += bw_cells_edge_is_leaf(cells, (bw_cedge)e);
+    for (size_t p = 0; p < cells->polygon_count; p++)
+        report->trace.polygons += bw_cells_polygon_is_leaf(cells, (bw_polygon)p);
+    bw_report_fill_walls(report, cells);
+}
+
+void bw_report_fill_walls(bw_report *report, const bw_cells *cells) {
+    report->trace.wall_polygons = report->trace.boundary_polygons = 0;
     for (size_t p = 0; p < cells->polygon_count; p++) {
         if (!bw_cells_polygon_is_leaf(cells, (bw_polygon)p)) continue;
         int flags = cells->polygon[p].flags;
-        report->trace.polygons++;
         report->trace.boundary_polygons += (flags & BW_BOUNDARY) != 0;
         report->trace.wall_polygons += (flags & BW_WALL) && !(flags & BW_BOUNDARY);
     }

@@ -181,6 +181,7 @@ void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh);
 void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh,
                              const bw_grid_map *map); /* into input */
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells);
+void bw_report_fill_walls(bw_report *report, const bw_cells *cells); /* of it only what reduction changes */
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
 void bw_report_fill_hex_quality(bw_report *report, const bw_hex_mesh *hex, const bw_hex_quality *quality, const bw_hex_distance *distance);
 void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const char *mode); /* the counts of complex.reduced */

@@ -37,6 +37,7 @@ typedef struct {
     slot *table;      /* [4 * room], a power of two */
     size_t most;      /* corners of the largest cell that there was no room for: it was not looked at */
     size_t faces, corners, vertices;
+    bool was_cut;
 } scratch;
 
 typedef struct {
@@ -123,6 +124,25 @@ static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int r
     return status;
 }
 
+/* Every facet of a tet that was opened is a polygon, and what the mesh's elements point to are they. */
+static bw_status check_whole(bw_context *ctx, const bw_cells *c, bw_facet f) {
+    const bw_tet *tet = c->mesh->facet_tet[f];
+    bw_polygon p = c->of_facet[f];
+    bool boundary = tet[1] == BW_NONE;
+    if (p == BW_NONE && (boundary || bw_cells_is_open(c, tet[0]) || bw_cells_is_open(c, tet[1]))) return violated(ctx, "a facet is no polygon", f);
+    if (p == BW_NONE) return BW_OK;
+    if (c->polygon[p].kind != BW_IN_FACET || c->polygon[p].carrier != f) return violated(ctx, "a facet's polygon is another's", f);
+    return boundary == ((c->polygon[p].flags & BW_BOUNDARY) != 0) ? BW_OK : violated(ctx, "a polygon is not marked as its facet", p);
+}
+
+static bw_status check_facets(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const checker *k = user;
+    bw_status status = BW_OK;
+    (void)range;
+    for (size_t f = begin; f < end && status == BW_OK; f++) status = check_whole(ctx, k->c, (bw_facet)f);
+    return status;
+}
+
 /* ---- cells --------------------------------------------------------------------------------------------------------- */
 
 static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, bw_polygon polygon) {
@@ -139,11 +159,13 @@ static bw_status check_place(bw_context *ctx, const bw_cells *c, bw_cell cell, b
 /* Gathers faces and corners of a cell; what comes beyond `room` is only counted. */
 static bw_status gather(bw_context *ctx, const bw_cells *c, scratch *s, size_t room, bw_cell cell) {
     s->faces = s->corners = 0;
+    s->was_cut = false;
     for (bw_polygon p = bw_cells_first_in_cell(c, cell); p != BW_NONE; p = bw_cells_next_in_cell(c, p, cell)) {
         bw_status status = check_place(ctx, c, cell, p);
         if (status == BW_OK && s->faces == c->polygon_count) status = violated(ctx, "a cell's list of polygons does not end", cell);
         if (status != BW_OK) return status;
         __builtin_prefetch(&c->half[c->polygon[p].half]);
+        s->was_cut = s->was_cut || c->polygon[p].kind == BW_IN_TET;
         if (s->faces < room) s->face[s->faces] = (face){p, 0};
         s->faces++;
     }
@@ -189,8 +211,8 @@ static bw_status check_closed(bw_context *ctx, scratch *s, bw_cell cell) {
     return open ? violated(ctx, "a cell is open at an edge", cell) : BW_OK;
 }
 
-/* Numbers the vertices, and finds where they are. */
-static void locate(const bw_cells *c, scratch *s, bw_cell cell) {
+/* Numbers the vertices, and finds where they are if the cell lies at some plane. */
+static void number_vertices(const bw_cells *c, scratch *s, bw_cell cell) {
     size_t size = empty_table(s);
     bw_tet tet = bw_cells_tet(c, cell);
     s->vertices = 0;
@@ -199,7 +221,7 @@ static void locate(const bw_cells *c, scratch *s, bw_cell cell) {
         slot *vertex = find(s->table, size, x->vertex);
         if (!vertex->key) {
             *vertex = (slot){x->vertex + 1, (uint32_t)s->vertices++};
-            s->at[vertex->value].fractions = bw_cells_locate(c, x->vertex, tet, s->at[vertex->value].floor);
+            if (s->was_cut) s->at[vertex->value].fractions = bw_cells_locate(c, x->vertex, tet, s->at[vertex->value].floor);
         }
         x->number = vertex->value;
     }
@@ -223,21 +245,6 @@ static bw_status check_convex(bw_context *ctx, const bw_cells *c, const scratch 
     return BW_OK;
 }
 
-/* Every facet of a tet that was opened is a polygon, and what the mesh's elements point to are they. */
-static bw_status check_whole(bw_context *ctx, const bw_cells *c, bw_tet tet) {
-    for (int i = 0; i < 4; i++) {
-        bw_facet f = c->mesh->tet_facet[tet][i];
-        bw_polygon p = c->of_facet[f];
-        bool boundary = c->mesh->facet_tet[f][1] == BW_NONE;
-        if (p == BW_NONE && (boundary || bw_cells_is_open(c, tet))) return violated(ctx, "a facet is no polygon", f);
-        if (p == BW_NONE) continue;
-        if (c->polygon[p].kind != BW_IN_FACET || c->polygon[p].carrier != f)
-            return violated(ctx, "a facet's polygon is another's", f);
-        if (boundary != ((c->polygon[p].flags & BW_BOUNDARY) != 0)) return violated(ctx, "a polygon is not marked as its facet", p);
-    }
-    return BW_OK;
-}
-
 /* The cell's polygons close up: each of their edges is in exactly two of them; by Euler's formula they form a sphere if they
  * are connected, which two faces per edge and one ring per vertex give: V - E + F = 2. */
 static bw_status check_cell(bw_context *ctx, const checker *k, scratch *s, bw_cell cell) {
@@ -249,7 +256,7 @@ static bw_status check_cell(bw_context *ctx, const checker *k, scratch *s, bw_ce
     }
     if (status == BW_OK) status = check_closed(ctx, s, cell);
     if (status != BW_OK) return status;
-    locate(c, s, cell);
+    number_vertices(c, s, cell);
     if (s->vertices + s->faces != s->corners / 2 + 2) return violated(ctx, "a cell is not a ball", cell);
     for (const face *f = s->face; f < s->face + s->faces && status == BW_OK; f++)
         if (c->polygon[f->polygon].kind == BW_IN_TET) status = check_convex(ctx, c, s, cell, f);
@@ -260,8 +267,7 @@ static bw_status check_tets(bw_context *ctx, size_t begin, size_t end, int range
     checker *k = user;
     bw_status status = BW_OK;
     for (size_t t = begin; t < end && status == BW_OK; t++) {
-        status = check_whole(ctx, k->c, (bw_tet)t);
-        if (status == BW_OK && bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k, &k->range[range], (bw_cell)t);
+        if (bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k, &k->range[range], (bw_cell)t);
         for (uint32_t i = k->begin[t]; i < k->begin[t + 1] && status == BW_OK; i++)
             if (bw_cells_is_open(k->c, k->cut[i])) status = check_cell(ctx, k, &k->range[range], k->cut[i]);
     }
@@ -325,6 +331,8 @@ bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
     if (status == BW_OK)
         status = bw_parallel(ctx, cells->polygon_count, bw_parallel_ranges(ctx, cells->polygon_count, LEAST), check_polygons, &k);
     bw_free(ctx, k.half_seen);
+    size_t facets = cells->mesh->facet_count;
+    if (status == BW_OK) status = bw_parallel(ctx, facets, bw_parallel_ranges(ctx, facets, LEAST), check_facets, &k);
     if (status == BW_OK) status = sort_by_tet(ctx, &k);
     int ranges = bw_parallel_ranges(ctx, cells->mesh->tet_count, LEAST);
     if (status == BW_OK) status = check_cells(ctx, &k, ranges);

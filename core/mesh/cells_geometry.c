@@ -193,12 +193,15 @@ bool bw_cells_edge_is_boundary(const bw_cells *cells, bw_cedge e) {
     return x->kind == BW_IN_FACET && cells->mesh->facet_tet[x->carrier][1] == BW_NONE;
 }
 
-/* p + floor(s (q - p)) for the ratio s = exact[0] / exact[1] of a vertex in a tet edge. The quotient is guessed in floating point, to one
- * or two, and put right by its exact remainder. */
-static int64_t floor_between(const bw_cell_vertex *v, int64_t p, int64_t q, bool *fraction) {
+/* The ratio s = exact[0] / exact[1] of a vertex in a tet edge, nearly. */
+static double ratio_of(const bw_cell_vertex *v) { return (double)v->exact[0] / (double)v->exact[1]; }
+
+/* p + floor(s (q - p)) for the ratio s of a vertex in a tet edge. The quotient is guessed in floating point, to one or two, and put right
+ * by its exact remainder. */
+static int64_t floor_between(const bw_cell_vertex *v, double ratio, int64_t p, int64_t q, bool *fraction) {
     *fraction = false;
     if (p == q) return p;
-    int64_t whole = (int64_t)((double)v->exact[0] / (double)v->exact[1] * (double)(q - p));
+    int64_t whole = (int64_t)(ratio * (double)(q - p));
     i128 rest = (i128)v->exact[0] * (q - p) - (i128)whole * v->exact[1];
     for (; rest < 0; rest += v->exact[1]) whole--;
     for (; rest >= v->exact[1]; rest -= v->exact[1]) whole++;
@@ -213,7 +216,7 @@ int64_t bw_cells_floor(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, int
     if (v->kind == BW_IN_EDGE) {
         int64_t p = value_at(cells, tet, cells->mesh->edge[v->carrier][0])[axis];
         int64_t q = value_at(cells, tet, cells->mesh->edge[v->carrier][1])[axis];
-        return floor_between(v, p, q, fraction);
+        return floor_between(v, ratio_of(v), p, q, fraction);
     }
     if (v->kind == BW_IN_TET || tet == home_of(cells, v->carrier)) {
         *fraction = v->fraction >> axis & 1;
@@ -241,8 +244,9 @@ unsigned bw_cells_locate(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, i
     if (v->kind == BW_IN_EDGE) {
         const int64_t *p = value_at(cells, tet, cells->mesh->edge[v->carrier][0]);
         const int64_t *q = value_at(cells, tet, cells->mesh->edge[v->carrier][1]);
+        double ratio = ratio_of(v);
         for (int k = 0; k < 3; k++) {
-            out[k] = floor_between(v, p[k], q[k], &fraction);
+            out[k] = floor_between(v, ratio, p[k], q[k], &fraction);
             fractions |= (unsigned)fraction << k;
         }
         return fractions;

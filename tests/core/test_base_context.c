@@ -83,6 +83,31 @@ static void a_growing_array_keeps_its_items(void **state) {
     assert_int_equal(ctx.memory.used, 0);
 }
 
+static void blocks_of_any_size_keep_their_bytes_and_grow_by_zeros(void **state) {
+    (void)state;
+    enum { STEP = 61 }; /* one byte in so many is looked at */
+    bw_context ctx;
+    bw_context_init(&ctx);
+    kit_random random = kit_random_start(7);
+    uint8_t *block = NULL;
+    size_t size = 0;
+    for (int i = 0; i < 60; i++) {
+        size_t next = 1 + (size_t)kit_random_below(&random, i % 3 ? (uint64_t)24 << 20 : (uint64_t)5 << 20);
+        if (i % 5 == 4) next = size + 1 + (size_t)kit_random_below(&random, 3000);
+        block = bw_resize(&ctx, block, next, 1);
+        assert_non_null(block);
+        assert_int_equal(ctx.memory.used, next);
+        for (size_t at = 0; at < next; at += STEP) {
+            if (block[at] != (at < size ? (uint8_t)(at / STEP) | 1 : 0)) fail_msg("step %d: byte %zu of %zu, before %zu", i, at, next, size);
+            block[at] = (uint8_t)(at / STEP) | 1;
+        }
+        for (size_t at = size; at < next; at++) block[at] = at % STEP ? 0xee : (uint8_t)(at / STEP) | 1;
+        size = next;
+    }
+    bw_free(&ctx, block);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
 static void the_first_error_wins(void **state) {
     (void)state;
     bw_context ctx;
@@ -156,6 +181,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(a_block_of_nothing_is_a_block),
     cmocka_unit_test(a_refused_resize_leaves_the_block_alone),
     cmocka_unit_test(a_growing_array_keeps_its_items),
+    cmocka_unit_test(blocks_of_any_size_keep_their_bytes_and_grow_by_zeros),
     cmocka_unit_test(the_first_error_wins),
     cmocka_unit_test(a_message_too_long_is_cut_and_ends),
     cmocka_unit_test(elements_beyond_those_kept_are_counted),

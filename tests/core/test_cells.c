@@ -139,9 +139,52 @@ static bw_polygon boundary_of_closed_tet(const fixture *f) {
     return f->cells.of_facet[i];
 }
 
+/* The lowest corner of a tet along axis 0, and how far it reaches. */
+static int64_t reach_of(const fixture *f, bw_tet t, int64_t *low) {
+    int64_t high = *low = f->map.value[t][0][0];
+    for (int i = 1; i < 4; i++) {
+        int64_t x = f->map.value[t][i][0];
+        if (x < *low) *low = x;
+        if (x > high) high = x;
+    }
+    return high - *low;
+}
+
+static void a_cell_with_thousands_of_corners_is_checked(void **state) {
+    (void)state;
+    enum { CUTS = 1000 };
+    bw_context ctx;
+    bw_context_init(&ctx);
+    fixture f;
+    kit_expect_ok(&ctx, start(&ctx, &f, "cuboid", 3));
+    size_t facet = 0;
+    while (f.mesh.facet_tet[facet][1] == BW_NONE) facet++;
+    bw_cell left = f.mesh.facet_tet[facet][1], other = f.mesh.facet_tet[facet][0];
+    int64_t low, reach = reach_of(&f, left, &low);
+    kit_expect_ok(&ctx, bw_cells_open(&ctx, &f.cells, other));
+    for (int i = 1; i <= CUTS; i++) { /* slices of one tet, which part the facets of its neighbours; the rest above is the newest cell */
+        bw_polygon section;
+        kit_expect_ok(&ctx, bw_cells_cut(&ctx, &f.cells, left, (bw_plane){low + reach / (CUTS + 1) * i, 0}, &section));
+        assert_int_not_equal(section, BW_NONE);
+        left = (bw_cell)f.cells.cell_count - 1;
+    }
+    size_t corners = 0;
+    for (bw_polygon p = bw_cells_first_in_cell(&f.cells, other); p != BW_NONE; p = bw_cells_next_in_cell(&f.cells, p, other)) {
+        bw_half first = f.cells.polygon[p].half, x = first;
+        do corners++, x = f.cells.half[x].next;
+        while (x != first);
+    }
+    assert_true(corners > 2048); /* twice what there is room for at first */
+    kit_expect_ok(&ctx, bw_cells_check(&ctx, &f.cells));
+    bw_half h = f.cells.polygon[bw_cells_first_in_cell(&f.cells, other)].half;
+    f.cells.polygon[f.cells.half[h].polygon].cell[f.cells.polygon[f.cells.half[h].polygon].cell[0] != other] = left;
+    kit_expect_status(&ctx, bw_cells_check(&ctx, &f.cells), BW_E_CHECK);
+    finish(&ctx, &f);
+}
+
 static void damage_is_found(void **state) {
     (void)state;
-    for (int kind = 0; kind < 9; kind++) {
+    for (int kind = 0; kind < 10; kind++) {
         bw_context ctx;
         bw_context_init(&ctx);
         fixture f;
@@ -163,6 +206,7 @@ static void damage_is_found(void **state) {
         case 5: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = BW_NONE; break;
         case 6: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = section; break;
         case 7: f.cells.first[f.cells.polygon[section].cell[1]] = BW_NONE; break; /* an opened tet closes again */
+        case 8: f.cells.polygon[section].in_cell[0] = section; break; /* a list without end */
         default: f.cells.polygon[boundary_of_closed_tet(&f)].cell[0]--; break;
         }
         kit_expect_status(&ctx, bw_cells_check(&ctx, &f.cells), BW_E_CHECK);
@@ -175,6 +219,7 @@ int main(void) {
         cmocka_unit_test(random_cuts_keep_every_invariant),
         cmocka_unit_test(stored_integers_agree_with_exact_coordinates),
         cmocka_unit_test(a_plane_that_only_touches_cuts_nothing),
+        cmocka_unit_test(a_cell_with_thousands_of_corners_is_checked),
         cmocka_unit_test(damage_is_found),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
