@@ -144,6 +144,10 @@ bw_status bw_reserve_(bw_context *ctx, void **items, size_t *capacity, size_t ne
     if (need <= *capacity) return BW_OK;
     size_t more = *capacity < 16 ? 16 : *capacity + *capacity / (*capacity < 65536 ? 2 : 8); /* large blocks move by remapping */
     if (more < need) more = need;
+    if (more >= large / size && more <= SIZE_MAX / 2 / size) { /* whole huge pages: part of one would be small pages for good */
+        size_t pages = (more * size + sizeof(header)) / BW_HUGE_PAGE + 1;
+        more = (pages * BW_HUGE_PAGE - sizeof(header)) / size;
+    }
     void *block = bw_resize(ctx, *items, more, size);
     if (!block) return ctx->error.status;
     *items = block;

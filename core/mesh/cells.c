@@ -84,18 +84,14 @@ static void link_radial(bw_cells *c, bw_half h, bw_cedge e) {
 
 /* ---- the uncut complex --------------------------------------------------------------------------------------------- */
 
-static bw_cedge mesh_edge_between(const bw_tet_mesh *mesh, bw_tet t, bw_vertex a, bw_vertex b) {
-    return mesh->tet_edge[t][bw_tet_edge_of[bw_tet_corner(mesh, t, a)][bw_tet_corner(mesh, t, b)]];
-}
-
-/* The complex edge of a whole mesh edge, made if there is none yet. */
-static bw_status edge_of(bw_context *ctx, bw_cells *c, bw_edge edge, bw_cedge *out) {
+/* The complex edge of a whole mesh edge between vertices a and b, made if there is none yet. */
+static bw_status edge_of(bw_context *ctx, bw_cells *c, bw_edge edge, bw_vertex a, bw_vertex b, bw_cedge *out) {
     *out = c->of_edge[edge];
     if (*out != BW_NONE) return BW_OK;
     bw_status status = bw_reserve(ctx, &c->edge, &c->edge_room, c->edge_count + 1);
     if (status != BW_OK) return status;
     *out = c->of_edge[edge] = (bw_cedge)c->edge_count++;
-    c->edge[*out] = (bw_cell_edge){.carrier = edge, .vertex = {c->mesh->edge[edge][0], c->mesh->edge[edge][1]},
+    c->edge[*out] = (bw_cell_edge){.carrier = edge, .vertex = {a < b ? a : b, a < b ? b : a},
                                    .half = BW_NONE, .child = BW_NONE, .kind = BW_IN_EDGE};
     return BW_OK;
 }
@@ -118,35 +114,57 @@ static bw_status add_halves(bw_context *ctx, bw_cells *c, bw_polygon p, bw_cvert
     return BW_OK;
 }
 
-static bw_cell_polygon uncut_facet(const bw_cells *c, bw_facet f) {
-    const bw_tet_mesh *mesh = c->mesh;
-    bool boundary = mesh->facet_tet[f][1] == BW_NONE;
+/* The corners of a tet at its facet i, by ascending vertices: the order of bw_tet_mesh.facet. */
+static void corners_of_facet(const bw_tet_mesh *mesh, bw_tet t, int i, int at[3]) {
+    const bw_vertex *v = mesh->tet[t];
+    for (int n = 0, k = 0; k < 4; k++) {
+        if (k == i) continue;
+        int j = n++;
+        for (; j > 0 && v[k] < v[at[j - 1]]; j--) at[j] = at[j - 1];
+        at[j] = k;
+    }
+}
+
+/* A facet as a polygon, as one of its tets sees it: what the other knows of it is the same, but for the chart. */
+static bw_cell_polygon uncut_facet(const bw_cells *c, bw_facet f, bw_tet t, const int at[3]) {
+    const bw_tet *tet = c->mesh->facet_tet[f];
     bw_cell_polygon p = {.axis = -1, .carrier = f, .half = (bw_half)c->half_count, .burnt = BW_NONE,
-                         .cell = {mesh->facet_tet[f][0], mesh->facet_tet[f][1]}, .in_cell = {BW_NONE, BW_NONE},
-                         .kind = BW_IN_FACET, .flags = boundary ? BW_WALL | BW_BOUNDARY : 0};
-    const int64_t *x[3];
-    for (int i = 0; i < 3; i++) x[i] = c->map->value[p.cell[0]][bw_tet_corner(mesh, p.cell[0], mesh->facet[f][i])];
+                         .cell = {tet[0], tet[1]}, .in_cell = {BW_NONE, BW_NONE},
+                         .kind = BW_IN_FACET, .flags = tet[1] == BW_NONE ? BW_WALL | BW_BOUNDARY : 0};
+    const int64_t(*x)[3] = (const int64_t(*)[3])c->map->value[t];
     for (int8_t k = 0; k < 3; k++)
-        if (x[0][k] == x[1][k] && x[0][k] == x[2][k]) p.axis = k;
+        if (x[at[0]][k] == x[at[1]][k] && x[at[0]][k] == x[at[2]][k]) p.axis = k;
+    if (p.axis >= 0 && t != tet[0]) p.axis = bw_rotation_image[bw_rotation_inverse(bw_grid_map_rotation(c->map, f))][p.axis];
     return p;
 }
 
-bw_status bw_cells_polygon_of(bw_context *ctx, bw_cells *c, bw_facet f, bw_polygon *out) {
+/* The polygon of facet i of a tet, made if there is none yet. */
+static bw_status polygon_of(bw_context *ctx, bw_cells *c, bw_tet t, int i, bw_polygon *out) {
     const bw_tet_mesh *mesh = c->mesh;
+    bw_facet f = mesh->tet_facet[t][i];
     *out = c->of_facet[f];
     if (*out != BW_NONE) return BW_OK;
     bw_status status = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 1);
     if (status != BW_OK) return status;
+    int at[3];
+    corners_of_facet(mesh, t, i, at);
     *out = c->of_facet[f] = (bw_polygon)c->polygon_count++;
-    c->polygon[*out] = uncut_facet(c, f);
-    for (int i = 0; i < 3 && status == BW_OK; i++) {
-        bw_vertex a = mesh->facet[f][i], b = mesh->facet[f][(i + 1) % 3];
+    c->polygon[*out] = uncut_facet(c, f, t, at);
+    for (int k = 0; k < 3 && status == BW_OK; k++) {
+        int a = at[k], b = at[(k + 1) % 3];
         bw_cedge e;
-        status = edge_of(ctx, c, mesh_edge_between(mesh, mesh->facet_tet[f][0], a, b), &e);
-        if (status == BW_OK) status = add_halves(ctx, c, *out, a, e);
+        status = edge_of(ctx, c, mesh->tet_edge[t][bw_tet_edge_of[a][b]], mesh->tet[t][a], mesh->tet[t][b], &e);
+        if (status == BW_OK) status = add_halves(ctx, c, *out, mesh->tet[t][a], e);
     }
     if (status == BW_OK) c->half[c->half_count - 1].next = c->polygon[*out].half;
     return status;
+}
+
+bw_status bw_cells_polygon_of(bw_context *ctx, bw_cells *c, bw_facet f, bw_polygon *out) {
+    bw_tet t = c->mesh->facet_tet[f][0];
+    int i = 0;
+    while (c->mesh->tet_facet[t][i] != f) i++;
+    return polygon_of(ctx, c, t, i, out);
 }
 
 /* Appends the leaves of a facet's polygon to the list of a tet: after polygon `last`, or as the first if that is BW_NONE. */
@@ -165,7 +183,7 @@ bw_status bw_cells_open(bw_context *ctx, bw_cells *cells, bw_tet tet) {
     if (bw_cells_is_open(cells, tet)) return BW_OK;
     bw_polygon polygon[4], last = BW_NONE;
     for (int i = 0; i < 4; i++) {
-        bw_status status = bw_cells_polygon_of(ctx, cells, cells->mesh->tet_facet[tet][i], &polygon[i]);
+        bw_status status = polygon_of(ctx, cells, tet, i, &polygon[i]);
         if (status != BW_OK) return status;
     }
     for (int i = 0; i < 4; i++) append_leaves(cells, tet, polygon[i], &last);
