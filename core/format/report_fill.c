@@ -37,7 +37,7 @@ static uint64_t count_none(const int32_t *list, size_t n) {
 
 /* A cell that was cut has the section of its last cut as the first of its list. */
 static bool was_cut(const bw_cells *cells, bw_tet tet) {
-    return bw_cells_is_open(cells, tet) && cells->polygon[cells->first[tet]].kind == BW_IN_TET;
+    return bw_cells_is_open(cells, tet) && cells->polygon[cells->list[tet]].kind == BW_IN_TET;
 }
 
 void bw_report_fill_trace(bw_report *report, const bw_cells *cells) {

@@ -87,7 +87,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
         FIELD("cell.edge", s->cells.edge, n->cell_edge);
         FIELD("cell.half", s->cells.half, n->cell_half);
         FIELD("cell.polygon", s->cells.polygon, n->cell_polygon);
-        FIELD("cell.first", s->cells.first, n->cell);
+        FIELD("cell.first", s->cells.list, n->cell);
         FIELD("cell.tet", s->cells.cut_from, n->cell - n->tet);
         FIELD("section", s->cells.section, n->cell - n->tet);
         FIELD("distance", s->cells.distance, n->distance);

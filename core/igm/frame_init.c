@@ -82,7 +82,7 @@ static bw_status flood_tet(builder *b, bw_tet tet) {
     b->stack[top++] = tet;
     while (top && status == BW_OK) {
         bw_cell cell = b->stack[--top];
-        for (bw_polygon p = b->cells->first[cell]; p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(b->cells, p, cell)) {
+        for (bw_polygon p = bw_cells_first_in_cell(b->cells, cell); p != BW_NONE && status == BW_OK; p = bw_cells_next_in_cell(b->cells, p, cell)) {
             if (b->cells->polygon[p].kind != BW_IN_TET) continue;
             bw_cell next = bw_cells_across(b->cells, p, cell);
             bw_transition t;

@@ -27,7 +27,7 @@ typedef struct bw_cut_face face;
 
 void bw_cells_clear(bw_context *ctx, bw_cells *cells) {
     bw_free(ctx, cells->vertex), bw_free(ctx, cells->edge), bw_free(ctx, cells->half);
-    bw_free(ctx, cells->polygon), bw_free(ctx, cells->first), bw_free(ctx, cells->cut_from);
+    bw_free(ctx, cells->polygon), bw_free(ctx, cells->list), bw_free(ctx, cells->cut_from);
     bw_free(ctx, cells->section), bw_free(ctx, cells->distance), bw_free(ctx, cells->of_edge), bw_free(ctx, cells->of_facet);
     bw_free(ctx, cells->sign), bw_free(ctx, cells->face), bw_free(ctx, cells->corner);
     memset(cells, 0, sizeof *cells);
@@ -38,7 +38,7 @@ bw_status bw_cells_trim(bw_context *ctx, bw_cells *c) {
     if (s == BW_OK) s = bw_trim(ctx, &c->edge, &c->edge_room, c->edge_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->half, &c->half_room, c->half_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->polygon, &c->polygon_room, c->polygon_count);
-    if (s == BW_OK) s = bw_trim(ctx, &c->first, &c->cell_room, c->cell_count);
+    if (s == BW_OK) s = bw_trim(ctx, &c->list, &c->cell_room, c->cell_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->cut_from, &c->cut_room, c->cell_count - c->mesh->tet_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->section, &c->section_room, c->cell_count - c->mesh->tet_count);
     if (s == BW_OK) s = bw_trim(ctx, &c->distance, &c->distance_room, c->distance_count);
@@ -62,7 +62,7 @@ static bw_status make_room(bw_context *ctx, bw_cells *c, size_t polygons, size_t
     if (s == BW_OK) s = bw_reserve(ctx, &c->edge, &c->edge_room, c->edge_count + 2 * halves + polygons);
     if (s == BW_OK) s = bw_reserve(ctx, &c->half, &c->half_room, c->half_count + 4 * polygons + 2 * halves);
     if (s == BW_OK) s = bw_reserve(ctx, &c->polygon, &c->polygon_room, c->polygon_count + 2 * polygons + 1);
-    if (s == BW_OK) s = bw_reserve(ctx, &c->first, &c->cell_room, c->cell_count + 1);
+    if (s == BW_OK) s = bw_reserve(ctx, &c->list, &c->cell_room, c->cell_count + 1);
     if (s == BW_OK) s = bw_reserve(ctx, &c->cut_from, &c->cut_room, c->cell_count + 1 - c->mesh->tet_count);
     if (s == BW_OK) s = bw_reserve(ctx, &c->section, &c->section_room, c->cell_count + 1 - c->mesh->tet_count);
     if (s == BW_OK) s = make_room_for_signs(ctx, c);
@@ -174,7 +174,7 @@ static void append_leaves(bw_cells *c, bw_tet t, bw_polygon p, bw_polygon *last)
         return;
     }
     c->polygon[p].in_cell[c->polygon[p].cell[0] != t] = BW_NONE;
-    if (*last == BW_NONE) c->first[t] = p;
+    if (*last == BW_NONE) c->list[t] = p;
     else c->polygon[*last].in_cell[c->polygon[*last].cell[0] != t] = p;
     *last = p;
 }
@@ -209,7 +209,7 @@ bw_status bw_cells_init(bw_context *ctx, bw_cells *cells, const bw_tet_mesh *mes
     cells->vertex_count = cells->vertex_room = mesh->vertex_count;
     cells->cell_count = cells->cell_room = mesh->tet_count;
     cells->vertex = bw_alloc(ctx, mesh->vertex_count, sizeof *cells->vertex);
-    cells->first = alloc_none(ctx, mesh->tet_count);
+    cells->list = alloc_none(ctx, mesh->tet_count);
     cells->of_edge = alloc_none(ctx, mesh->edge_count);
     cells->of_facet = alloc_none(ctx, mesh->facet_count);
     bw_status status = ctx->error.status;
@@ -438,7 +438,7 @@ static void hand_over(bw_cells *c, const cut *k, bw_cell other, bw_polygon p, bo
 /* Distributes the polygons of the cut cell over it (below) and the new cell (above). */
 static void divide_cell(bw_cells *c, const cut *k, bw_cell other, bw_polygon section) {
     bw_polygon tail[2] = {section, section};
-    c->first[k->cell] = c->first[other] = section;
+    c->list[k->cell] = c->list[other] = section;
     for (const face *f = c->face; f < c->face + k->faces; f++) {
         if (f->part == BW_NONE) {
             hand_over(c, k, other, f->polygon, f->sides == ABOVE, tail);

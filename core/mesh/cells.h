@@ -86,7 +86,7 @@ typedef struct {
     bw_cell_edge *edge;
     bw_cell_half *half;
     bw_cell_polygon *polygon;
-    bw_polygon *first;    /* [cell]: its first polygon, which may have been split since; BW_NONE for a tet that is not opened */
+    bw_polygon *list;     /* [cell]: where its list of polygons begins, which may have been split since; BW_NONE for a tet that is not opened */
     bw_tet *cut_from;     /* [cell - tet_count]: the tet that a cell made by a cut lies in */
     int64_t *section;     /* [cell - tet_count]: the value of the plane of the cut that made the cell */
     int64_t *distance;    /* of a wall from its origin along the fire's heading, grid units; negative where it turned back */
@@ -123,7 +123,7 @@ int bw_cells_side(const bw_cells *cells, bw_cvertex vertex, bw_tet tet, bw_plane
  * newest cell. O(size of the cell + polygons around its cut edges). */
 bw_status bw_cells_cut(bw_context *ctx, bw_cells *cells, bw_cell cell, bw_plane plane, bw_polygon *section);
 
-static inline bool bw_cells_is_open(const bw_cells *cells, bw_cell cell) { return cells->first[cell] != BW_NONE; }
+static inline bool bw_cells_is_open(const bw_cells *cells, bw_cell cell) { return cells->list[cell] != BW_NONE; }
 /* The tet that a cell lies in. */
 static inline bw_tet bw_cells_tet(const bw_cells *cells, bw_cell cell) {
     size_t tets = cells->mesh->tet_count;
@@ -142,7 +142,7 @@ static inline bw_polygon bw_cells_first_leaf(const bw_cells *cells, bw_polygon p
 }
 /* The polygons of an opened cell, one after the other; BW_NONE after the last. */
 static inline bw_polygon bw_cells_first_in_cell(const bw_cells *cells, bw_cell cell) {
-    return bw_cells_first_leaf(cells, cells->first[cell]);
+    return bw_cells_first_leaf(cells, cells->list[cell]);
 }
 static inline bw_polygon bw_cells_next_in_cell(const bw_cells *cells, bw_polygon p, bw_cell cell) {
     return bw_cells_first_leaf(cells, cells->polygon[p].in_cell[cells->polygon[p].cell[0] != cell]);

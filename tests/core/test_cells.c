@@ -33,7 +33,7 @@ static void finish(bw_context *ctx, fixture *f) {
 static bw_plane random_plane(bw_context *ctx, bw_cells *c, bw_cell cell, kit_random *random) {
     if ((size_t)cell < c->mesh->tet_count) kit_expect_ok(ctx, bw_cells_open(ctx, c, cell));
     bw_tet tet = bw_cells_tet(c, cell);
-    bw_half h = c->polygon[c->first[cell]].half;
+    bw_half h = c->polygon[c->list[cell]].half;
     for (uint64_t steps = kit_random_below(random, 4); steps; steps--) h = c->half[h].next;
     int8_t axis = (int8_t)kit_random_below(random, 3);
     bool fraction;
@@ -205,7 +205,7 @@ static void damage_is_found(void **state) {
         case 4: f.cells.polygon[section].half = BW_NONE; break;
         case 5: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = BW_NONE; break;
         case 6: f.cells.of_facet[f.mesh.tet_facet[bw_cells_tet(&f.cells, f.cells.polygon[section].cell[0])][0]] = section; break;
-        case 7: f.cells.first[f.cells.polygon[section].cell[1]] = BW_NONE; break; /* an opened tet closes again */
+        case 7: f.cells.list[f.cells.polygon[section].cell[1]] = BW_NONE; break; /* an opened tet closes again */
         case 8: f.cells.polygon[section].in_cell[0] = section; break; /* a list without end */
         default: f.cells.polygon[boundary_of_closed_tet(&f)].cell[0]--; break;
         }
