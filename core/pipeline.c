@@ -160,10 +160,15 @@ static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_sta
 
 static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    if (!state->has_igm) return BW_OK;
+    bool positive = state->length != NULL;
+    for (size_t a = 0; positive && a < state->complex.arc_count; a++) positive = state->length[a] > 0;
+    if (!state->has_igm && !positive) return BW_OK;
     bw_extract_options how = {options->subdivide, options->max_hexes};
-    bw_status status = bw_extract(ctx, &state->igm, &how, &state->hex, &state->report);
-    if (status == BW_OK) status = bw_extract_finish(ctx, &state->igm.mesh, state->igm.map.edge_flags, options->smooth, &state->hex, &state->report);
+    const bw_tet_mesh *mesh = state->has_igm ? &state->igm.mesh : &state->mesh;
+    const uint8_t *flags = state->has_igm ? state->igm.map.edge_flags : state->map.edge_flags;
+    bw_extract_input in = {&state->cells, &state->complex, state->length, state->has_igm ? &state->igm : NULL};
+    bw_status status = bw_extract(ctx, &in, &how, &state->hex, &state->report);
+    if (status == BW_OK) status = bw_extract_finish(ctx, mesh, flags, options->smooth, &state->hex, &state->report);
     state->has_hex = status == BW_OK;
     return status;
 }
@@ -180,12 +185,12 @@ static const struct {
     int version;
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
-    [BW_STAGE_SANITIZE] = {"sanitize", 4, run_sanitize},
-    [BW_STAGE_TRACE] = {"trace", 8, run_trace},
-    [BW_STAGE_BUILD] = {"build", 9, run_build},
-    [BW_STAGE_REDUCE] = {"reduce", 6, run_reduce},
-    [BW_STAGE_QUANTIZE] = {"quantize", 7, run_quantize},
-    [BW_STAGE_EXTRACT] = {"extract", 2, run_extract},
+    [BW_STAGE_SANITIZE] = {"sanitize", 5, run_sanitize},
+    [BW_STAGE_TRACE] = {"trace", 9, run_trace},
+    [BW_STAGE_BUILD] = {"build", 10, run_build},
+    [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
+    [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
+    [BW_STAGE_EXTRACT] = {"extract", 3, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 7, run_encode},
 };
 

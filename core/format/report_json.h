@@ -132,9 +132,11 @@ typedef struct {
     bw_report_sweep sweep[BW_REPORT_SWEEP];
 
     struct { /* the hex mesh */
+        char from[8];      /* "map": read off an integer-grid map; "blocks": filled in block by block */
         uint64_t hexes, vertices;
-        uint64_t subdivide;           /* hexes along the edge of a unit of the quantization */
-        double seconds, seconds_check;
+        uint64_t promised; /* hexes by the quantization; as many, in each block, or the job fails */
+        uint64_t subdivide, subdivide_asked; /* hexes along the edge of a unit of the quantization; more than asked for where a mesh needs them to be simple */
+        double seconds, seconds_label, seconds_check;
     } extract;
 
     struct { /* of the hex mesh (hex/quality.h), and how it got there (hex/smooth.h); lengths in the input's unit */

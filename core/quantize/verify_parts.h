@@ -100,6 +100,10 @@ typedef struct {
 
 enum { BW_SURFACE_NONE, BW_SURFACE_BOUNDARY, BW_SURFACE_FEATURE };
 
+/* The first three steps, for whoever needs what they find: *v is to be closed, also after a failure or with a fault in *out. Errors as bw_verify. */
+bw_status bw_verify_open(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, bw_verdict *out, bw_verifier *v);
+void bw_verify_close(bw_verifier *v);
+
 /* Records the first fault. other: -1 for none. */
 void bw_verify_fault(bw_verifier *v, bw_fault fault, const char *kind, int64_t id, int64_t other, const char *message);
 static inline bool bw_verify_going(const bw_verifier *v, bw_status status) {
