@@ -1,7 +1,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hex/skin.h"
+#include "hex/incidence.h"
 
 void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh) {
     bw_free(ctx, mesh->position);
@@ -13,66 +13,67 @@ void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
 }
 
-/* ---- faces and edges, grouped ---- */
+/* ---- faces, grouped ---- */
 
-/* Faces (per_hex 6) or edges (12) of all hexes as hex * per_hex + local, by their lowest vertex: those at v are item[begin[v]..begin[v + 1]). */
+/* A face by its vertices, ascending. */
 typedef struct {
-    const bw_hex_mesh *mesh;
-    size_t per_hex;
-    size_t *begin;
-    uint64_t *item;
-} parts;
+    bw_hvertex key[4];
+    uint32_t face; /* 6 * hex + face */
+} face_key;
 
-/* The vertices of a part, ascending; the second two of an edge are -1. */
-static void part_key(const parts *p, uint64_t item, bw_hvertex key[4]) {
-    const bw_hvertex *v = p->mesh->hex[item / p->per_hex];
-    size_t local = item % p->per_hex;
-    int n = p->per_hex == 6 ? 4 : 2;
-    key[2] = key[3] = -1;
-    for (int i = 0; i < n; i++) {
-        bw_hvertex x = v[n == 4 ? bw_hex_face_corner[local][i] : bw_hex_edge_corner[local][i]];
-        int j = i;
-        for (; j > 0 && key[j - 1] > x; j--) key[j] = key[j - 1];
-        key[j] = x;
+/* Faces by their lowest vertex: those at v are face[begin[v]..begin[v + 1]), equal ones next to each other. */
+typedef struct {
+    uint32_t *begin;
+    face_key *face;
+} face_list;
+
+static face_key key_of(const bw_hex_mesh *mesh, size_t item) {
+    face_key f = {.face = (uint32_t)item};
+    for (int i = 0, j; i < 4; i++) {
+        bw_hvertex x = mesh->hex[item / 6][bw_hex_face_corner[item % 6][i]];
+        for (j = i; j > 0 && f.key[j - 1] > x; j--) f.key[j] = f.key[j - 1];
+        f.key[j] = x;
+    }
+    return f;
+}
+
+static int compare_faces(const void *a, const void *b) {
+    const face_key *x = a, *y = b;
+    for (int i = 0; i < 4; i++)
+        if (x->key[i] != y->key[i]) return x->key[i] < y->key[i] ? -1 : 1;
+    return x->face < y->face ? -1 : x->face > y->face;
+}
+
+static bool same_face(const face_key *a, const face_key *b) { return !memcmp(a->key, b->key, sizeof a->key); }
+
+/* Around most vertices there are a dozen faces at most. */
+static void sort_faces(face_key *face, size_t count) {
+    if (count > 32) {
+        qsort(face, count, sizeof *face, compare_faces);
+        return;
+    }
+    for (size_t i = 1; i < count; i++) {
+        face_key x = face[i];
+        size_t j = i;
+        for (; j > 0 && compare_faces(&face[j - 1], &x) > 0; j--) face[j] = face[j - 1];
+        face[j] = x;
     }
 }
 
-static int compare_parts(const parts *p, uint64_t a, uint64_t b) {
-    bw_hvertex x[4], y[4];
-    part_key(p, a, x), part_key(p, b, y);
-    for (int i = 0; i < 4; i++)
-        if (x[i] != y[i]) return x[i] < y[i] ? -1 : 1;
-    return a < b ? -1 : a > b;
-}
-
-static int compare_user(const void *a, const void *b, void *user) {
-    return compare_parts(user, *(const uint64_t *)a, *(const uint64_t *)b);
-}
-
-static bool same_part(const parts *p, uint64_t a, uint64_t b) {
-    bw_hvertex x[4], y[4];
-    part_key(p, a, x), part_key(p, b, y);
-    return !memcmp(x, y, sizeof x);
-}
-
-static void parts_clear(bw_context *ctx, parts *p) {
-    bw_free(ctx, p->begin);
-    bw_free(ctx, p->item);
-    memset(p, 0, sizeof *p);
-}
-
-static bw_status parts_init(bw_context *ctx, parts *p, const bw_hex_mesh *mesh, size_t per_hex) {
-    size_t n = mesh->hex_count * per_hex;
-    bw_hvertex key[4];
-    *p = (parts){.mesh = mesh, .per_hex = per_hex};
-    p->begin = bw_alloc(ctx, mesh->vertex_count + 2, sizeof *p->begin);
-    p->item = bw_alloc(ctx, n, sizeof *p->item);
-    if (!p->begin || !p->item) return ctx->error.status;
-    for (size_t i = 0; i < n; i++) part_key(p, i, key), p->begin[key[0] + 2]++;
-    for (size_t v = 2; v < mesh->vertex_count + 2; v++) p->begin[v] += p->begin[v - 1];
-    for (size_t i = 0; i < n; i++) part_key(p, i, key), p->item[p->begin[key[0] + 1]++] = i;
-    for (size_t v = 0; v < mesh->vertex_count; v++)
-        qsort_r(p->item + p->begin[v], p->begin[v + 1] - p->begin[v], sizeof *p->item, compare_user, p);
+static bw_status face_list_init(bw_context *ctx, face_list *l, const bw_hex_mesh *mesh) {
+    size_t n = 6 * mesh->hex_count;
+    *l = (face_list){0};
+    if (n > UINT32_MAX) return bw_fail(ctx, BW_E_LIMIT, "the hex mesh has more faces than can be numbered");
+    l->begin = bw_alloc(ctx, mesh->vertex_count + 2, sizeof *l->begin);
+    l->face = bw_alloc(ctx, n, sizeof *l->face);
+    if (!l->begin || !l->face) return ctx->error.status;
+    for (size_t i = 0; i < n; i++) l->begin[key_of(mesh, i).key[0] + 2]++;
+    for (size_t v = 2; v < mesh->vertex_count + 2; v++) l->begin[v] += l->begin[v - 1];
+    for (size_t i = 0; i < n; i++) {
+        face_key f = key_of(mesh, i);
+        l->face[l->begin[f.key[0] + 1]++] = f;
+    }
+    for (size_t v = 0; v < mesh->vertex_count; v++) sort_faces(l->face + l->begin[v], l->begin[v + 1] - l->begin[v]);
     return BW_OK;
 }
 
@@ -146,32 +147,30 @@ static bool join_faces(const bw_hex_mesh *mesh, uint64_t a, uint64_t b, links *l
 }
 
 static bw_status read_faces(bw_context *ctx, const bw_hex_mesh *mesh, links *l) {
-    parts faces;
-    bw_status status = parts_init(ctx, &faces, mesh, 6);
+    face_list list;
+    bw_status status = face_list_init(ctx, &list, mesh);
     for (size_t i = 0, j; i < 6 * mesh->hex_count && status == BW_OK; i = j) {
-        for (j = i + 1; j < 6 * mesh->hex_count && same_part(&faces, faces.item[i], faces.item[j]);) j++;
-        const uint64_t *item = faces.item + i;
-        if (j - i > 2) status = fail_hex(ctx, mesh, item[0] / 6, "shares a face with more than one other");
-        else if (j - i == 2 && !join_faces(mesh, item[0], item[1], l))
-            status = fail_hex(ctx, mesh, item[0] / 6, "and another are on the same side of the face between them");
+        const face_key *f = list.face + i;
+        for (j = i + 1; j < 6 * mesh->hex_count && same_face(f, &list.face[j]);) j++;
+        if (j - i > 2) status = fail_hex(ctx, mesh, f->face / 6, "shares a face with more than one other");
+        else if (j - i == 2 && !join_faces(mesh, f[0].face, f[1].face, l))
+            status = fail_hex(ctx, mesh, f->face / 6, "and another are on the same side of the face between them");
         for (int k = 0; k < 4; k++) {
-            bw_hvertex v = mesh->hex[item[0] / 6][bw_hex_face_corner[item[0] % 6][k]];
-            l->euler[v]--;
-            l->boundary[v] |= j - i == 1;
+            l->euler[f->key[k]]--;
+            l->boundary[f->key[k]] |= j - i == 1;
         }
     }
-    parts_clear(ctx, &faces);
+    bw_free(ctx, list.begin);
+    bw_free(ctx, list.face);
     return status;
 }
 
 static bw_status read_edges(bw_context *ctx, const bw_hex_mesh *mesh, links *l) {
-    parts edges;
-    bw_status status = parts_init(ctx, &edges, mesh, 12);
-    for (size_t i = 0; i < 12 * mesh->hex_count && status == BW_OK; i++) {
-        if (i && same_part(&edges, edges.item[i - 1], edges.item[i])) continue;
-        for (int k = 0; k < 2; k++) l->euler[mesh->hex[edges.item[i] / 12][bw_hex_edge_corner[edges.item[i] % 12][k]]]++;
-    }
-    parts_clear(ctx, &edges);
+    bw_hex_edges edges;
+    bw_status status = bw_hex_edges_init(ctx, mesh, &edges);
+    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++)
+        for (uint32_t e = edges.begin[v]; e < edges.begin[v + 1]; e++) l->euler[v]++, l->euler[edges.high[e]]++;
+    bw_hex_edges_clear(ctx, &edges);
     return status;
 }
 

@@ -46,7 +46,7 @@ static void check_blocks(const labelled *x) {
     size_t compared = 0;
     for (size_t h = 0; h < x->mesh.hex_count; h++) {
         bw_tet t = x->origin.tet[h];
-        if (x->q.cells.first[t] != BW_NONE) continue; /* cut: parts may be in several blocks */
+        if (bw_cells_is_open(&x->q.cells, t)) continue; /* cut: parts may be in several blocks */
         int64_t at[3];
         for (int k = 0; k < 3; k++) at[k] = (2 * x->origin.low[h][k] + 1) * unit; /* times 2 n */
         bw_transition chart = *bw_complex_chart(c, t);
