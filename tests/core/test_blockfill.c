@@ -44,10 +44,9 @@ static void check_carriers(const quantizable *q, const bw_hex_mesh *m) {
     const bw_tet_mesh *mesh = &q->mesh;
     for (size_t v = 0; v < m->vertex_count; v++) {
         const double *x = m->position[v];
-        const bw_vertex *corner;
+        const bw_vertex point = m->carrier[v], *corner = &point;
         int n = m->held[v] == BW_HELD_POINT ? 1 : m->held[v] == BW_HELD_CURVE ? 2 : m->held[v] == BW_HELD_SURFACE ? 3 : 4;
-        if (n == 1) corner = (bw_vertex[1]){m->carrier[v]};
-        else corner = n == 2 ? mesh->edge[m->carrier[v]] : n == 3 ? mesh->facet[m->carrier[v]] : mesh->tet[m->carrier[v]];
+        if (n > 1) corner = n == 2 ? mesh->edge[m->carrier[v]] : n == 3 ? mesh->facet[m->carrier[v]] : mesh->tet[m->carrier[v]];
         double d[3][3] = {{0}}, at[3], size = 0, off = 0;
         for (int k = 0; k < 3; k++) {
             at[k] = x[k] - mesh->position[corner[0]][k];
@@ -145,6 +144,27 @@ static bw_status fill_again(bw_context *ctx, void *user) {
     return status;
 }
 
+/* A ring of one, two, three hexes: simple by count if the validator accepts it. */
+static void rings_are_simple_from_three_hexes_on(void **state) {
+    (void)state;
+    for (size_t i = 0; i < FLAT_SHAPES; i++)
+        for (int32_t subdivide = 1; subdivide <= 3; subdivide++) {
+            quantizable q;
+            filled f;
+            bool simple;
+            quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
+            igm_quantize(&q, BW_QUANTIZE_POSITIVE, 0);
+            fill(&q, subdivide, &f);
+            kit_expect_ok(&q.ctx, bw_blockfill_is_simple(&q.ctx, &f.map, subdivide, &simple));
+            assert_int_equal(simple, bw_hex_mesh_check(&q.ctx, &f.mesh) == BW_OK);
+            if (subdivide == 1) assert_false(simple);
+            if (subdivide == 3) assert_true(simple);
+            q.ctx.error = (bw_error){.status = BW_OK};
+            empty(&q, &f);
+            quantizable_close(&q);
+        }
+}
+
 static void each_allocation_may_fail(void **state) {
     (void)state;
     quantizable q;
@@ -193,7 +213,10 @@ static void check_independently(quantizable *q, const bw_hex_mesh *mesh, const c
 static int32_t fill_simply(quantizable *q, filled *f) {
     for (int32_t subdivide = 1; subdivide < 3; subdivide++) {
         fill(q, subdivide, f);
-        if (bw_hex_mesh_check(&q->ctx, &f->mesh) == BW_OK) return subdivide;
+        bool simple;
+        kit_expect_ok(&q->ctx, bw_blockfill_is_simple(&q->ctx, &f->map, subdivide, &simple));
+        assert_int_equal(simple, bw_hex_mesh_check(&q->ctx, &f->mesh) == BW_OK);
+        if (simple) return subdivide;
         printf("%s, %zu hexes: %s\n", q->name, f->mesh.hex_count, q->ctx.error.message);
         q->ctx.error = (bw_error){.status = BW_OK};
         empty(q, f);
@@ -243,6 +266,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(sample_models_are_filled),
     cmocka_unit_test(flat_manifolds_are_filled),
     cmocka_unit_test(the_mesh_does_not_depend_on_threads),
+    cmocka_unit_test(rings_are_simple_from_three_hexes_on),
     cmocka_unit_test(each_allocation_may_fail),
     cmocka_unit_test(too_many_hexes_are_a_limit),
     cmocka_unit_test(shared_models_pass_an_independent_check),
