@@ -20,6 +20,7 @@ typedef enum {
     BW_STAGE_BUILD,
     BW_STAGE_REDUCE,
     BW_STAGE_QUANTIZE, /* passes the state on if no quantization is asked for */
+    BW_STAGE_REPARAMETRIZE, /* passes the state on if it has no quantization */
     BW_STAGE_EXTRACT,  /* passes the state on if it has neither an integer-grid map nor positive lengths */
     BW_STAGE_ENCODE,
     BW_STAGE_COUNT
@@ -43,6 +44,7 @@ typedef struct {
     bw_stage until;      /* last stage to run */
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     bool repair;         /* sanitize may move vertices in parameter space where tets are inverted or degenerate */
+    bw_igm_route route;    /* how reparametrize makes the map */
     int subdivide;         /* hexes along the edge of a unit of the quantization: 1..1000 */
     uint64_t max_hexes;    /* work limit of extract (BW_E_LIMIT beyond) */
     bool smooth;           /* extract also moves the vertices of the hex mesh, on the surface, to better shapes */

@@ -16,6 +16,7 @@
 #include "stage/extract_finish.h"
 #include "stage/quantize.h"
 #include "stage/reduce.h"
+#include "stage/reparametrize.h"
 #include "stage/sanitize.h"
 #include "stage/trace.h"
 
@@ -158,6 +159,32 @@ static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_sta
     return bw_quantize(ctx, &state->cells, &state->complex, &how, &state->length, &state->report);
 }
 
+typedef struct {
+    const bw_options *options;
+    bw_state *state;
+} requantizer;
+
+/* The size that the job asked for, or one about a number of hexes, without the comparisons that the report already has. */
+static bw_status requantize(bw_context *ctx, void *user, bool positive, uint64_t target_hexes, int64_t **length, bw_report *report) {
+    const requantizer *r = user;
+    const bw_options *o = r->options;
+    bw_quantize_options how = {.range = positive ? BW_QUANTIZE_POSITIVE : o->quantize, .scale = o->scale, .fewest_hexes = o->fewest_hexes && !target_hexes,
+                               .target_hexes = target_hexes ? target_hexes : o->target_hexes, .seconds = o->time_limit};
+    size_t sweep_count = report->sweep_count;
+    bw_report_rounding rounding = report->quantization.rounding;
+    bw_status status = bw_quantize(ctx, &r->state->cells, &r->state->complex, &how, length, report);
+    report->sweep_count = sweep_count, report->quantization.rounding = rounding;
+    return status;
+}
+
+static bw_status run_reparametrize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
+    (void)out;
+    if (!state->length) return BW_OK;
+    requantizer r = {options, state};
+    bw_reparametrize_options how = {options->route, requantize, &r};
+    return bw_reparametrize(ctx, &state->cells, &state->complex, &how, &state->length, &state->igm, &state->has_igm, &state->report);
+}
+
 static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bool positive = state->length != NULL;
@@ -174,7 +201,7 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    bw_encode_options how = {options->vtk, options->hex_formats};
+    bw_encode_options how = {options->vtk, options->hex_formats, state->has_igm ? &state->igm : NULL};
     const bw_hex_mesh *hex = state->has_hex ? &state->hex : NULL;
     return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, hex, &how, &state->report, out);
 }
@@ -190,8 +217,9 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 10, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
+    [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 1, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 3, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 7, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 8, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -307,6 +335,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 3)
             return bw_fail(ctx, BW_E_USAGE, "option effort is an integer from 0 to 3");
         o->effort = (int)json_integer_value(value);
+    } else if (!strcmp(name, "route")) {
+        static const char *const words[] = {"auto", "quality", "guaranteed"};
+        if ((i = choice(value, words, 3)) < 0) return bw_fail(ctx, BW_E_USAGE, "option route is \"auto\", \"quality\" or \"guaranteed\"");
+        o->route = (bw_igm_route)i;
     } else if (!strcmp(name, "subdivide")) {
         if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 1000)
             return bw_fail(ctx, BW_E_USAGE, "option subdivide is an integer from 1 to 1000");

@@ -13,7 +13,7 @@ typedef struct {
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells, subdivide, max_hexes; /* 0: not given */
-    const char *quantize, *smooth; /* NULL: not given */
+    const char *quantize, *route, *smooth; /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
     bool coarsest, fewest_hexes, rounding;
     int64_t target_hexes;        /* 0: not given */
@@ -52,6 +52,8 @@ typedef struct {
      "also try the classical rounding, and report its conflicts", 0, 0},                                     \
     {"time-limit", 0, CLI_NUMBER, offsetof(settings, job.time_limit), "SECONDS",                             \
      "for the search of one quantization (default 10)", 1e-9, 3600},                                         \
+    {"route", 0, CLI_CHOICE, offsetof(settings, job.route), "auto|quality|guaranteed",                       \
+     "how hexes are made: a map of low distortion, block by block, or what works (default auto)", 0, 0},     \
     {"subdivide", 0, CLI_INTEGER, offsetof(settings, job.subdivide), "N",                                    \
      "cut every hex of the quantization into N x N x N (default 1)", 1, 1000},                               \
     {"max-hexes", 0, CLI_INTEGER, offsetof(settings, job.max_hexes), "N",                                    \
@@ -62,7 +64,7 @@ typedef struct {
      "of the hex mesh: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
-    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|extract|encode",   \
+    {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|reparametrize|extract|encode",   \
      "stop after this stage (default encode)", 0, 0},                                                        \
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \
      "largest accepted defect of the map, relative to the edge it is on (default 1e-4)", 1e-15, 1},          \

@@ -142,6 +142,7 @@ const cli_command cli_command_run = {
              "  report.json    counts, displacement, seconds and peak memory per stage; or why it failed\n"
              "  blocks.json    the complex: nodes, arcs, patches, blocks and how they meet; integer lengths\n"
              "  constraints.json   with --quantize: the integer differences a parametrizer has to keep\n"
+             "  integer_grid.hexex   the integer-grid map, in units of hexes, if the job has one\n"
              "  sizes.svg      with --scales: charts of hexes, objective, zero arcs, distortion\n"
              "  hexmesh.*      the hex mesh, if the job has one: mesh (Medit), vtu, bwh (compact; decoders in\n"
              "                 clients/decode), or what --hex-formats says\n"

@@ -39,4 +39,10 @@ typedef enum {
     BW_HEX_FORMAT_COUNT
 } bw_hex_format;
 
+typedef enum {
+    BW_ROUTE_AUTO,      /* quality, and what answers if it fails */
+    BW_ROUTE_QUALITY,   /* an integer-grid map of low distortion, or none (Q 6) */
+    BW_ROUTE_GUARANTEED /* block by block, for positive lengths: no inversion by construction (MC 7.1) */
+} bw_igm_route;
+
 #endif

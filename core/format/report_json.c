@@ -28,6 +28,7 @@ typedef struct {
 #define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
 #define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
 #define ROUNDING(type, name) MEMBER("quantization", "rounding", type, quantization.rounding., name)
+#define REPARAM(type, name) MEMBER("reparametrize", NULL, type, reparametrize., name)
 #define EXTRACT(type, name) MEMBER("extract", NULL, type, extract., name)
 #define HEX(type, name) MEMBER("hex_quality", NULL, type, hex_quality., name)
 #define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
@@ -144,6 +145,28 @@ static const field fields[] = {
     ROUNDING(NUMBER, coarsest_scale),
     ROUNDING(COUNT, coarsest_hexes),
     ROUNDING(NUMBER, seconds),
+    REPARAM(TEXT, route),
+    REPARAM(TEXT, requantized),
+    REPARAM(TEXT, reason),
+    REPARAM(COUNT, hexes_asked),
+    REPARAM(COUNT, hexes),
+    REPARAM(COUNT, inverted_fit),
+    REPARAM(COUNT, inverted_stiffened),
+    REPARAM(COUNT, inverted_untangled),
+    REPARAM(COUNT, inverted),
+    REPARAM(COUNT, stiffenings),
+    REPARAM(COUNT, iterations),
+    REPARAM(COUNT, restarts),
+    REPARAM(COUNT, refinements),
+    REPARAM(COUNT, splits),
+    REPARAM(COUNT, tets),
+    REPARAM(NUMBER, distortion_mean),
+    REPARAM(NUMBER, distortion_max),
+    REPARAM(NUMBER, seconds),
+    REPARAM(NUMBER, seconds_frame),
+    REPARAM(NUMBER, seconds_fit),
+    REPARAM(NUMBER, seconds_untangle),
+    REPARAM(NUMBER, seconds_verify),
     EXTRACT(TEXT, from),
     EXTRACT(COUNT, hexes),
     EXTRACT(COUNT, vertices),
@@ -196,6 +219,7 @@ static const struct {
     {"input", offsetof(bw_report, has_input)},     {"sanitize", offsetof(bw_report, has_sanitize)},
     {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
     {"quantization", offsetof(bw_report, has_quantization)},
+    {"reparametrize", offsetof(bw_report, has_reparametrize)},
     {"extract", offsetof(bw_report, has_extract)},
     {"hex_quality", offsetof(bw_report, has_hex_quality)},
     {"quality", offsetof(bw_report, has_quality)},

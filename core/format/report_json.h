@@ -75,7 +75,7 @@ typedef struct {
     bool has_reduced; /* complex.reduced */
     bool has_repaired; /* sanitize.repaired */
     bool has_rounding; /* quantization.rounding */
-    bool has_extract;
+    bool has_reparametrize, has_extract;
     bool has_hex_quality;
     bool has_smoothing; /* hex_quality.smoothing */
 
@@ -130,6 +130,17 @@ typedef struct {
     bw_report_quantization quantization;
     size_t sweep_count; /* quantization.sweep */
     bw_report_sweep sweep[BW_REPORT_SWEEP];
+
+    struct { /* the integer-grid map; tets inverted after each step, of the last quantization tried */
+        char route[16];       /* "quality", "guaranteed" */
+        char requantized[16]; /* "none", or the lengths taken instead of those asked for: "larger", "positive" */
+        char reason[400];     /* why not the route and lengths asked for; empty if they were taken */
+        uint64_t hexes_asked, hexes; /* of the first quantization and of that in use */
+        uint64_t inverted_fit, inverted_stiffened, inverted_untangled, inverted;
+        uint64_t stiffenings, iterations, restarts, refinements, splits, tets;
+        double distortion_mean, distortion_max; /* 1 at best; 0 without a map */
+        double seconds, seconds_frame, seconds_fit, seconds_untangle, seconds_verify;
+    } reparametrize;
 
     struct { /* the hex mesh */
         char from[8];      /* "map": read off an integer-grid map; "blocks": filled in block by block */

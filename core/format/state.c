@@ -44,6 +44,7 @@ static size_t describe_igm(bw_igm *s, const counts *n, field *list) {
     FIELD("igm.feat.e", s->mesh.feature_edge, n->igm_feature_edge);
     FIELD("igm.feat.f", s->mesh.feature_facet, n->igm_feature_facet);
     FIELD("igm.value", s->map.value, n->igm_tet);
+    FIELD("igm.home", s->home, n->igm_tet);
     FIELD("igm.turn", s->map.turn, n->igm_facet);
     FIELD("igm.align", s->map.align, n->igm_facet);
     FIELD("igm.quarters", s->map.quarters, n->igm_edge);

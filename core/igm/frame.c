@@ -10,10 +10,18 @@ void bw_frame_clear(bw_context *ctx, bw_frame *frame) {
     memset(frame, 0, sizeof *frame);
 }
 
-void bw_frame_start(const bw_frame *frame, double unit, double *x) {
+void bw_frame_read(const bw_frame *frame, double *x) {
     for (size_t v = 0; v < frame->variable_count; v++) {
         int32_t corner = frame->reference[v][0];
-        x[v] = unit * frame->tet[corner / 4].p[corner % 4][frame->reference[v][1]];
+        x[v] = frame->tet[corner / 4].u[corner % 4][frame->reference[v][1]];
+    }
+}
+
+void bw_frame_write(bw_frame *frame, const double *x) {
+    for (size_t i = 0; i < 12 * frame->tet_count; i++) {
+        bw_frame_tet *t = &frame->tet[i / 12];
+        size_t c = i / 3 % 4, k = i % 3;
+        t->u[c][k] = (double)t->at[c][k] + (t->variable[c][k] == BW_NONE ? 0 : t->sign[c][k] * x[t->variable[c][k]]);
     }
 }
 

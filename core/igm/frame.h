@@ -27,10 +27,13 @@ typedef struct {
     bw_transition across[4];
     int64_t hold[4][3], at[4][3];
     double p[4][3]; /* the input's map, in the home's chart, in grid units of the map */
+    double u[4][3]; /* the map being made, in units of hexes (parametrize.h) */
     int32_t variable[4][3];
     int8_t sign[4][3];
     int8_t plane[4], line[6];
+    uint16_t quarters[6]; /* around local edges in the input's map, and so in every map of this frame */
     uint8_t mask[4];
+    uint8_t feature_edges, feature_facets; /* bits: local edges and facets that the user marked */
     bw_block home;
     bw_tet origin; /* the tet of the input that this is, or is part of */
 } bw_frame_tet;
@@ -53,7 +56,8 @@ bw_status bw_frame_resolve(bw_context *ctx, bw_frame *frame);
 /* BW_E_CHECK naming the first violation. O(n). */
 bw_status bw_frame_check(bw_context *ctx, const bw_frame *frame);
 
-/* x of the input's map itself: where its corners are, times `unit`. */
-void bw_frame_start(const bw_frame *frame, double unit, double *x);
+/* The unknowns as u has them, and back: u of all corners from x. */
+void bw_frame_read(const bw_frame *frame, double *x);
+void bw_frame_write(bw_frame *frame, const double *x);
 
 #endif

@@ -114,6 +114,7 @@ static void set_tet(builder *b, bw_tet tet) {
         t->plane[i] = -1;
     }
     memset(t->line, -1, sizeof t->line);
+    for (int j = 0; j < 6; j++) t->quarters[j] = b->cells->map->quarters[mesh->tet_edge[tet][j]];
     t->home = b->x->cell_block[tet];
     t->origin = tet;
 }
@@ -180,7 +181,7 @@ static bw_plane plane_of(const builder *b, bw_polygon polygon, bw_cell cell) {
     return bw_transition_plane(&b->to_home[cell], plane);
 }
 
-static bw_status set_plane(builder *b, bw_facet facet) {
+static bw_status set_plane(builder *b, bw_facet facet, bool feature) {
     bw_status status = BW_OK;
     for (size_t i = 0; i < b->leaf_count && status == BW_OK; i++) {
         if (b->patch[b->leaf[i]] == BW_NONE) return bw_fail(b->ctx, BW_E_CHECK, "aligned facet %d is not in a patch", facet);
@@ -190,6 +191,7 @@ static bw_status set_plane(builder *b, bw_facet facet) {
             bw_plane plane = plane_of(b, b->leaf[i], cell);
             int f = local_facet(b->cells->mesh, tet, facet);
             b->frame->tet[tet].plane[f] = plane.axis;
+            if (feature) b->frame->tet[tet].feature_facets |= (uint8_t)(1 << f);
             for (int c = 0; c < 4 && status == BW_OK; c++)
                 if (c != f) status = hold(b, tet, c, plane.axis, plane.value);
         }
@@ -208,7 +210,7 @@ static bw_status set_facets(builder *b) {
         b->leaf_count = 0;
         if (whole != BW_NONE) status = list_parts(b, whole);
         if (status == BW_OK && mesh->facet_tet[f][1] != BW_NONE) status = set_across(b, (bw_facet)f);
-        if (status == BW_OK && (mesh->facet_tet[f][1] == BW_NONE || feature[f])) status = set_plane(b, (bw_facet)f);
+        if (status == BW_OK && (mesh->facet_tet[f][1] == BW_NONE || feature[f])) status = set_plane(b, (bw_facet)f, feature[f]);
     }
     bw_free(b->ctx, feature);
     return status;
@@ -263,7 +265,9 @@ static void name_lines(builder *b) {
     const bw_tet_mesh *mesh = b->cells->mesh;
     for (size_t t = 0; t < mesh->tet_count; t++)
         for (int j = 0; j < 6; j++) {
-            if (!(b->cells->map->edge_flags[mesh->tet_edge[t][j]] & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE))) continue;
+            uint8_t flags = b->cells->map->edge_flags[mesh->tet_edge[t][j]];
+            if (flags & BW_EDGE_FEATURE) b->frame->tet[t].feature_edges |= (uint8_t)(1 << j);
+            if (!(flags & (BW_EDGE_SINGULAR | BW_EDGE_FEATURE))) continue;
             const double *u = b->frame->tet[t].p[bw_tet_edge_corners[j][0]], *v = b->frame->tet[t].p[bw_tet_edge_corners[j][1]];
             for (int8_t k = 0; k < 3; k++)
                 if (u[k] != v[k]) b->frame->tet[t].line[j] = k;

@@ -5,6 +5,8 @@
 void bw_igm_clear(bw_context *ctx, bw_igm *igm) {
     bw_grid_map_clear(ctx, &igm->map);
     bw_tet_mesh_clear(ctx, &igm->mesh);
+    bw_free(ctx, igm->home);
+    igm->home = NULL;
 }
 
 /* ---- invariant 1 ---- */

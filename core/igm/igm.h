@@ -17,6 +17,7 @@
 typedef struct {
     bw_tet_mesh mesh; /* own */
     bw_grid_map map;
+    bw_block *home; /* [tet] the block in whose integer chart (atlas.h) its values are, and which has a part of it in the input's map; NULL: not known */
 } bw_igm;
 
 void bw_igm_clear(bw_context *ctx, bw_igm *igm);

@@ -10,6 +10,7 @@
 
 #include "format/blocks_json.h"
 #include "format/constraints_json.h"
+#include "format/igm_hexex.h"
 #include "format/hex_write.h"
 #include "format/sizes_svg.h"
 #include "format/traced.h"
@@ -21,6 +22,7 @@ typedef struct {
     const bw_cells *cells;
     const bw_complex *complex;
     const int64_t *length;
+    const bw_igm *igm;
     const bw_hex_mesh *hex;
     bw_hex_skin skin;
     bw_hex_format hex_format; /* of the file that is being written */
@@ -66,6 +68,8 @@ static bw_status write_constraints(encoder *e, const char *path, uint64_t *bytes
     bw_validity_free(e->ctx, validity);
     return status;
 }
+
+static bw_status write_igm(encoder *e, const char *path, uint64_t *bytes) { return bw_igm_hexex_write(e->ctx, e->igm, path, bytes); }
 
 static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
     return bw_view_write(e->ctx, &e->tessellation, e->complex, (const double(*)[3])e->position, path, bytes);
@@ -174,11 +178,12 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
                     const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
-    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .hex = hex, .report = report, .folder = out_dir};
+    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex, .report = report, .folder = out_dir};
     bw_status status = prepare(&e, cells);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK && length) status = write_result(&e, "constraints.json", write_constraints);
+    if (status == BW_OK && e.igm) status = write_result(&e, "integer_grid.hexex", write_igm);
     if (status == BW_OK && length && report->sweep_count) status = write_result(&e, "sizes.svg", write_sizes);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
     if (status == BW_OK && options->vtk) status = write_vtm(&e);

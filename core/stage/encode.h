@@ -4,6 +4,7 @@
  *     blocks.json    nodes, arcs, patches, blocks                                          (format/blocks_json.h)
  *     constraints.json  with integer lengths: the differences of parameters they ask for   (format/constraints_json.h)
  *     sizes.svg      with a table over sizes: its charts                                   (format/sizes_svg.h)
+ *     integer_grid.hexex  with an integer-grid map: that, in units of hexes                (format/igm_hexex.h)
  *     hexmesh.*      with a hex mesh: in the formats asked for                             (format/hex_write.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
@@ -15,10 +16,12 @@
 #include "complex/complex.h"
 #include "format/report_json.h"
 #include "hex/hexmesh.h"
+#include "igm/igm.h"
 
 typedef struct {
     bool vtk;              /* also complex.vtm and its files */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: write hexmesh.<its name> */
+    const bw_igm *igm;     /* the integer-grid map; NULL: none. Borrowed */
 } bw_encode_options;
 
 /* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality

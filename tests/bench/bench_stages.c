@@ -37,8 +37,8 @@ static const char usage[] =
     "      --threads N                          (default: the cores of the machine)\n"
     "  -h, --help\n";
 
-enum { LOAD, SANITIZE, TRACE, BUILD, REDUCE, QUANTIZE, EXTRACT, ENCODE, STAGES };
-static const char *const stage_name[STAGES] = {"load", "sanitize", "trace", "build", "reduce", "quantize", "extract", "encode"};
+enum { LOAD, SANITIZE, TRACE, BUILD, REDUCE, QUANTIZE, REPARAMETRIZE, EXTRACT, ENCODE, STAGES };
+static const char *const stage_name[STAGES] = {"load", "sanitize", "trace", "build", "reduce", "quantize", "reparametrize", "extract", "encode"};
 
 typedef struct {
     bw_options options;

@@ -158,7 +158,7 @@ static void a_hex_mesh_is_written_in_the_formats_asked_for(void **state) {
     for (unsigned formats = 0; formats < 1u << BW_HEX_FORMAT_COUNT; formats += 85) {
         bw_report report = e.report;
         e.folder = kit_temp_path("formats-%u", formats);
-        kit_expect_ok(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, &hex, &(bw_encode_options){false, formats}, &report, e.folder));
+        kit_expect_ok(&e.ctx, bw_encode(&e.ctx, &e.mesh, &e.map, &e.cells, &e.complex, NULL, &hex, &(bw_encode_options){.hex_formats = formats}, &report, e.folder));
         for (int f = 0; f < BW_HEX_FORMAT_COUNT; f++) {
             size_t found = 0, size;
             char name[24];

@@ -16,7 +16,7 @@ static void open_model(labelled *x, const char *name, int size, int features, ui
     memset(x, 0, sizeof *x);
     options.size = size, options.noise = 0.6, options.seed = seed, options.features = features, options.integral = 1, options.scramble = (int)(seed % 4);
     quantizable_open(&x->q, name, &options, kind, mode);
-    x->igm = (bw_igm){x->q.mesh, x->q.map};
+    x->igm = (bw_igm){.mesh = x->q.mesh, .map = x->q.map};
     for (size_t a = 0; a < x->q.complex.arc_count; a++) {
         x->q.length[a] = x->q.complex.arc_length[a] >> x->q.map.exponent;
         assert_int_equal(x->q.length[a] << x->q.map.exponent, x->q.complex.arc_length[a]);

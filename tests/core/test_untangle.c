@@ -1,4 +1,4 @@
-/* Minimization finds minima, and untangling makes tets positive, from any start and always in the same way.
+/* The energy of a tet has the derivatives that it says, and untangling makes tets positive, from any start and always in the same way.
  */
 #include "kit/kit.h"
 
@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "solve/distortion.h"
 #include "solve/lbfgs.h"
 #include "solve/untangle.h"
 
@@ -56,6 +57,76 @@ static void a_barrier_is_never_crossed(void **state) {
         kit_expect_ok(&ctx, bw_lbfgs(&ctx, 1, &x, barrier, NULL, &(bw_lbfgs_options){300, 100, 0}, &report));
         assert_true(fabs(x - sqrt(2)) < 1e-5);
     }
+}
+
+/* ---- one tet ---- */
+
+static void random_matrix(kit_random *random, double m[3][3]) {
+    for (int i = 0; i < 9; i++) m[i / 3][i % 3] = kit_random_range(random, -2, 2);
+}
+
+static void singular_values_give_the_matrix_back(void **state) {
+    kit_random random = kit_random_start(5);
+    (void)state;
+    for (int run = 0; run < 300; run++) {
+        double m[3][3], u[3][3], s[3], v[3][3];
+        random_matrix(&random, m);
+        for (int k = 0; k < 3 && run % 3 == 1; k++) m[k][1] = m[k][0];
+        for (int i = 0; i < 9 && run % 50 == 2; i++) m[i / 3][i % 3] = 0;
+        bw_svd3((const double(*)[3])m, u, s, v);
+        assert_true(fabs(bw_det3((const double(*)[3])u) - 1) < 1e-12 && fabs(bw_det3((const double(*)[3])v) - 1) < 1e-12);
+        assert_true(s[0] >= s[1] && s[1] >= fabs(s[2]) - 1e-14);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                assert_true(fabs(m[a][b] - u[0][a] * s[0] * v[0][b] - u[1][a] * s[1] * v[1][b] - u[2][a] * s[2] * v[2][b]) < 1e-12);
+    }
+}
+
+static void set_jacobian(const double *corner, const double slope[4][3], double out[3][3]) {
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            out[a][b] = 0;
+            for (int i = 0; i < 4; i++) out[a][b] += corner[3 * i + a] * slope[i][b];
+        }
+}
+
+/* By differences; the Hessian is that of the energy where it has no negative eigenvalue, as at the minimum. */
+static void derivatives_are_those_of_the_energy(void **state) {
+    const double step = 1e-5;
+    kit_random random = kit_random_start(6);
+    (void)state;
+    for (int run = 0; run < 200; run++) {
+        double corner[12], slope[4][3], j[3][3], g[12], h[12][12], plus[12], minus[12], unused[12][12];
+        double epsilon = run % 2 ? 0.3 : 1;
+        bool minimum = run % 4 == 0;
+        for (int i = 0; i < 12; i++) corner[i] = kit_random_range(&random, -1, 1), slope[i / 3][i % 3] = kit_random_range(&random, -1, 1);
+        if (minimum) { /* the identity */
+            for (int i = 0; i < 12; i++) corner[i] = i > 2 && i % 4 == 3, slope[i / 3][i % 3] = corner[i] - (i < 3);
+            for (int i = 3; i < 12; i++) corner[i] = slope[i / 3][i % 3] = (i - 3) % 4 == 0;
+        }
+        set_jacobian(corner, (const double(*)[3])slope, j);
+        if (minimum) epsilon = 0;
+        double f = bw_distortion_expand((const double(*)[3])j, (const double(*)[3])slope, epsilon, g, h);
+        assert_true(fabs(f - bw_distortion((const double(*)[3])j, epsilon)) < 1e-9 * f);
+        if (minimum) assert_true(fabs(f - 5) < 1e-12);
+        for (int i = 0; i < 12; i++) {
+            double at = corner[i], value[2];
+            corner[i] = at + step, set_jacobian(corner, (const double(*)[3])slope, j);
+            value[0] = bw_distortion_expand((const double(*)[3])j, (const double(*)[3])slope, epsilon, plus, unused);
+            corner[i] = at - step, set_jacobian(corner, (const double(*)[3])slope, j);
+            value[1] = bw_distortion_expand((const double(*)[3])j, (const double(*)[3])slope, epsilon, minus, unused);
+            corner[i] = at;
+            assert_true(fabs((value[0] - value[1]) / (2 * step) - g[i]) < 1e-4 * (1 + fabs(g[i]) + f));
+            for (int k = 0; k <= i && minimum; k++) assert_true(fabs((plus[k] - minus[k]) / (2 * step) - h[i][k]) < 1e-5);
+        }
+    }
+}
+
+static void a_flat_tet_is_infinitely_bad(void **state) {
+    const double flat[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 0}}, inverted[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, -1}};
+    (void)state;
+    assert_true(isinf(bw_distortion(flat, 0)) && isinf(bw_distortion(inverted, 0)));
+    assert_true(bw_distortion(inverted, 0.1) > bw_distortion(flat, 0.1) && isfinite(bw_distortion(inverted, 0.1)));
 }
 
 /* ---- untangling ---- */
@@ -193,6 +264,9 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_quadratic_bowl_is_minimized),
         cmocka_unit_test(a_barrier_is_never_crossed),
+        cmocka_unit_test(singular_values_give_the_matrix_back),
+        cmocka_unit_test(derivatives_are_those_of_the_energy),
+        cmocka_unit_test(a_flat_tet_is_infinitely_bad),
         cmocka_unit_test(a_regular_block_stays_as_it_is),
         cmocka_unit_test(a_tangled_block_is_untangled_from_any_start),
         cmocka_unit_test(what_has_no_solution_is_not_called_solved),
