@@ -6,6 +6,7 @@
 #include "hex/smooth_energy.h"
 #include "solve/lbfgs.h"
 
+static const double flat = 0.02;   /* a scaled Jacobian that is hardly positive */
 static const double enough = 0.2; /* a least scaled Jacobian beyond which the mean counts */
 
 typedef struct {
@@ -108,15 +109,15 @@ static bw_status improve(bw_context *ctx, smoothing *w, int rounds, double sharp
 static bw_status untangle_near(bw_context *ctx, smoothing *w, int rings, int iterations) {
     if (!w->least.corners) return BW_OK;
     if (return_to_best(ctx, w)) return ctx->error.status;
-    bw_smoother_activate(&w->s, 1e-6, rings);
+    bw_smoother_activate(&w->s, flat, rings);
     return untangle(ctx, w, 2 * w->options->rounds, iterations, 0.85);
 }
 
-/* Lets vertices of the hexes that are not positive, in the best mesh, leave what holds them. */
+/* Lets vertices of the hexes that are flat or not positive, in the best mesh, leave what holds them. */
 static void loosen(smoothing *w) {
     w->s.leave = w->options->leave;
     for (size_t h = 0; h < w->s.mesh->hex_count && w->s.leave > 0; h++)
-        for (int c = 0; c < 8 && w->s.bad[h]; c++) {
+        for (int c = 0; c < 8 && w->s.least[h] < flat; c++) {
             bw_hvertex v = w->s.mesh->hex[h][c];
             w->s.loose[v] = w->s.hold[v].held == BW_HELD_SURFACE || w->s.hold[v].held == BW_HELD_CURVE;
         }
@@ -142,9 +143,9 @@ static bw_status run(bw_context *ctx, smoothing *w) {
     if (bw_smoother_measure(ctx, &w->s, &w->now)) return ctx->error.status;
     w->report->before = w->least = w->now;
     if (bw_smoother_frame(ctx, &w->s, &n) || judge(ctx, w)) return ctx->error.status;
-    if (w->s.mesh->hex_count > w->options->whole) bw_smoother_activate(&w->s, 1e-6, 4);
+    if (w->s.mesh->hex_count > w->options->whole) bw_smoother_activate(&w->s, flat, 4);
     if (untangle(ctx, w, w->options->rounds / 2, 30, 0.7)) return ctx->error.status;
-    if (untangle_near(ctx, w, 2, 8)) return ctx->error.status;
+    if (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12)) return ctx->error.status;
     if (w->least.corners && w->options->leave > 0) {
         if (return_to_best(ctx, w)) return ctx->error.status;
         loosen(w);
