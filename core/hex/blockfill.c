@@ -1,11 +1,9 @@
 #include "hex/blockfill.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/parallel.h"
 #include "hex/locate.h"
-#include "hex/skin.h"
 
 typedef struct {
     bw_context *ctx;
@@ -326,77 +324,5 @@ bw_status bw_blockfill(bw_context *ctx, const bw_blockwise *map, int32_t subdivi
     if (status == BW_OK) status = place_all(&f);
     clear(&f);
     if (status != BW_OK) bw_hex_mesh_clear(ctx, mesh);
-    return status;
-}
-
-/* ---- simple meshes ------------------------------------------------------------------------------------------------- */
-
-/* Vertices of a face or an edge (then the second two are BW_NONE), ascending. */
-typedef struct {
-    bw_hvertex vertex[4];
-} cell_key;
-
-static int compare_keys(const void *a, const void *b) { return memcmp(a, b, sizeof(cell_key)); } /* any order will do */
-
-static bool add_key(const bw_hvertex *hex, const uint8_t *corner, int n, cell_key *out) {
-    for (int i = 0; i < 4; i++) {
-        bw_hvertex v = i < n ? hex[corner[i]] : BW_NONE;
-        int j = i;
-        for (; i < n && j > 0 && out->vertex[j - 1] > v; j--) out->vertex[j] = out->vertex[j - 1];
-        out->vertex[j] = v;
-        if (i < n && j > 0 && out->vertex[j - 1] == v) return false;
-    }
-    return true;
-}
-
-/* How many faces or edges the vertices tell apart; *repeats if one of them has a vertex twice. */
-static bw_status count_keys(bw_context *ctx, const bw_hex_mesh *mesh, bool faces, size_t *count, bool *repeats) {
-    size_t each = faces ? 6 : 12, total = each * mesh->hex_count;
-    cell_key *key = bw_alloc(ctx, total, sizeof *key);
-    if (!key) return ctx->error.status;
-    for (size_t i = 0; i < total; i++)
-        if (!add_key(mesh->hex[i / each], faces ? bw_hex_face_corner[i % each] : bw_hex_edge_corner[i % each], faces ? 4 : 2, &key[i])) *repeats = true;
-    qsort(key, total, sizeof *key, compare_keys);
-    *count = total > 0;
-    for (size_t i = 1; i < total; i++) *count += compare_keys(&key[i - 1], &key[i]) != 0;
-    bw_free(ctx, key);
-    return BW_OK;
-}
-
-/* How many there are: of arcs, and inside patches and blocks. */
-static void count_cells(const filler *f, size_t *faces, size_t *edges) {
-    const bw_complex *x = f->complex;
-    *faces = *edges = 0;
-    for (size_t a = 0; a < x->arc_count; a++) *edges += f->arc_first[a + 1] - f->arc_first[a] + 1;
-    for (size_t p = 0; p < x->patch_count; p++) {
-        size_t u = (size_t)f->rectangle[p][0], v = (size_t)f->rectangle[p][1];
-        *faces += u * v, *edges += u * (v - 1) + (u - 1) * v;
-    }
-    for (size_t b = 0; b < x->block_count; b++)
-        for (int k = 0; k < 3; k++) {
-            size_t n = (size_t)f->extent[b][k], u = (size_t)f->extent[b][(k + 1) % 3], v = (size_t)f->extent[b][(k + 2) % 3];
-            *faces += (n - 1) * u * v, *edges += n * (u - 1) * (v - 1);
-        }
-}
-
-bw_status bw_blockfill_is_simple(bw_context *ctx, const bw_blockwise *map, int32_t subdivide, bool *simple) {
-    bw_hex_mesh mesh = {0};
-    filler f = {.ctx = ctx, .map = map, .complex = map->atlas->complex, .mesh = &mesh, .fine = subdivide};
-    int64_t least = INT64_MAX;
-    for (size_t a = 0; a < f.complex->arc_count; a++)
-        if (map->atlas->length[a] < least) least = map->atlas->length[a];
-    *simple = least >= 3 || subdivide >= 3; /* then an edge has a point of its own */
-    if (*simple) return BW_OK;
-    size_t faces, edges, told[2];
-    bool repeats = false;
-    bw_status status = connect(&f);
-    if (status == BW_OK) status = count_keys(ctx, &mesh, true, &told[0], &repeats);
-    if (status == BW_OK) status = count_keys(ctx, &mesh, false, &told[1], &repeats);
-    if (status == BW_OK) {
-        count_cells(&f, &faces, &edges);
-        *simple = !repeats && told[0] == faces && told[1] == edges;
-    }
-    clear(&f);
-    bw_hex_mesh_clear(ctx, &mesh);
     return status;
 }

@@ -15,9 +15,4 @@
  * fit together, which the atlas excludes. */
 bw_status bw_blockfill(bw_context *ctx, const bw_blockwise *map, int32_t subdivide, bw_hex_mesh *mesh);
 
-/* Whether vertices tell hexes, faces and edges apart: no hex repeats a vertex, no two faces or edges have the same ones. Otherwise the mesh is one of hexes
- * all the same, but no list of vertices can say so, and bw_hex_mesh_check refuses it: a ring of one or two hexes. Never so if all lengths, subdivided,
- * are at least 3. O(1) then; else O(hexes log hexes). */
-bw_status bw_blockfill_is_simple(bw_context *ctx, const bw_blockwise *map, int32_t subdivide, bool *simple);
-
 #endif
