@@ -219,7 +219,7 @@ static const struct {
     [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 1, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 3, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 8, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 9, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }

@@ -6,6 +6,8 @@
 #include "igm/overlay_points.h"
 #include "igm/pieces.h"
 
+enum { COARSEST = 24 /* bits of the first grid that is tried: files write its decimals out */ };
+
 /* A part of a block on which the map is affine: image = (matrix x + offset) / whole. */
 typedef struct {
     bw_cutter plane[4];
@@ -567,6 +569,24 @@ static bw_status carry_features(overlay *o, const int32_t *number, bw_tet_mesh *
     return BW_OK;
 }
 
+/* x / 2^shift to the nearest integer, halves to even. */
+static int64_t shifted(int64_t x, int shift) {
+    int64_t whole = x >> shift, twice = shift ? (x & (((int64_t)1 << shift) - 1)) << 1 : 0, one = (int64_t)1 << shift;
+    return whole + (shift && (twice > one || (twice == one && whole & 1)));
+}
+
+/* Values on a grid of 2^-bits; counts the tets that this leaves flat. */
+static void round_values(overlay *o, int bits, bw_igm *out) {
+    const bw_tet_mesh *mesh = &out->mesh;
+    o->report->flat = 0;
+    out->map.exponent = bits;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        for (int i = 0; i < 4; i++)
+            for (int k = 0; k < 3; k++) out->map.value[t][i][k] = shifted(o->place[o->tet[mesh->tet_id[t]][i]].image[k], o->bits - bits);
+        o->report->flat += bw_grid_tet_sign((const int64_t(*)[3])out->map.value[t]) <= 0;
+    }
+}
+
 static bw_status make_map(overlay *o, bw_igm *out) {
     bw_tet_mesh *mesh = &out->mesh;
     int32_t *number = bw_alloc(o->ctx, o->place_count, sizeof *number);
@@ -576,12 +596,11 @@ static bw_status make_map(overlay *o, bw_igm *out) {
     mesh->mirrored = o->cells->mesh->mirrored;
     if (status == BW_OK) status = bw_tet_mesh_connect(o->ctx, mesh);
     if (status != BW_OK) return status;
-    out->map.exponent = o->bits;
     out->map.value = bw_alloc(o->ctx, mesh->tet_count, sizeof *out->map.value);
     if (!out->map.value) return o->ctx->error.status;
-    for (size_t t = 0; t < mesh->tet_count; t++) {
-        for (int i = 0; i < 4; i++) memcpy(out->map.value[t][i], o->place[o->tet[mesh->tet_id[t]][i]].image, sizeof out->map.value[t][i]);
-        o->report->flat += bw_grid_tet_sign((const int64_t(*)[3])out->map.value[t]) <= 0;
+    for (int bits = o->bits < COARSEST ? o->bits : COARSEST;; bits = bits + 8 < o->bits ? bits + 8 : o->bits) {
+        round_values(o, bits, out);
+        if (o->report->flat == 0 || bits == o->bits) break;
     }
     if (o->report->flat)
         return bw_fail(o->ctx, BW_E_RANGE, "%llu of %zu tets of the refined block-wise map are thinner than the grid", (unsigned long long)o->report->flat,

@@ -5,8 +5,8 @@
  * of corners that both sides of them see, and pieces are coned from a point inside. Corners are the same if their exact coordinates in a block, or in
  * a patch between blocks, are the same. So the refined mesh is conforming and every tet positive, whatever the integers.
  *
- * In the end parameters are rounded to the finest dyadic grid that holds them, which integers, and so transitions and alignment, survive. A
- * tet thinner than that grid would not: then the map is given up (the hex mesh, blockfill.h, does not depend on it).
+ * In the end parameters are rounded to a dyadic grid, which integers, and so transitions and alignment, survive: the coarsest tried that keeps every tet positive,
+ * down to 2^-40. If a tet is thinner than that the map is given up (the hex mesh, blockfill.h, does not depend on it).
  */
 #ifndef BW_IGM_OVERLAY_H
 #define BW_IGM_OVERLAY_H

@@ -16,6 +16,7 @@
 #include "format/traced.h"
 #include "format/view.h"
 #include "format/vtm.h"
+#include "igm/overlay.h"
 
 typedef struct {
     bw_context *ctx;
@@ -160,6 +161,39 @@ static bw_status measure_blocks(encoder *e) {
     return BW_OK;
 }
 
+/* ---- the block-wise map
+ * ----------------------------------------------------------------------------------------------------- */
+
+/* A hex mesh straight from blocks has a map as well: refined, so it is made only for its file. Where that would be too large, or the grid is too coarse for
+ * it, there is no file; the hex mesh does not depend on it. */
+static bw_status find_block_map(encoder *e, bw_cells *cells, bw_igm *own) {
+    enum { MOST_TETS = 300000 };
+    bw_context apart = *e->ctx; /* its own error */
+    bw_atlas atlas = {0};
+    bw_blockwise map = {0};
+    bw_overlay_report report;
+    bw_status status = bw_atlas_init(&apart, cells, e->complex, e->length, &atlas);
+    if (status == BW_OK) status = bw_blockwise_init(&apart, &atlas, &map);
+    if (status == BW_OK) status = bw_overlay(&apart, &map, cells, MOST_TETS, own, &report);
+    if (status == BW_OK) status = bw_igm_check(&apart, own);
+    bw_blockwise_clear(&apart, &map), bw_atlas_clear(&apart, &atlas);
+    if (status != BW_OK) bw_igm_clear(&apart, own);
+    e->ctx->memory = apart.memory;
+    if (status == BW_OK) e->igm = own;
+    if (status == BW_E_LIMIT || status == BW_E_RANGE || status == BW_E_MEMORY) {
+        bw_log(e->ctx, "no integer_grid.hexex: %s", apart.error.message);
+        return BW_OK;
+    }
+    e->ctx->error = apart.error;
+    return status;
+}
+
+static bool is_positive(const encoder *e) {
+    for (size_t a = 0; a < e->complex->arc_count; a++)
+        if (e->length[a] < 1) return false;
+    return true;
+}
+
 /* ---- the stage
  * --------------------------------------------------------------------------------------------------- */
 
@@ -179,7 +213,9 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
     encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex, .report = report, .folder = out_dir};
+    bw_igm own = {0};
     bw_status status = prepare(&e, cells);
+    if (status == BW_OK && hex && length && !e.igm && is_positive(&e)) status = find_block_map(&e, cells, &own);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);
     if (status == BW_OK) status = write_result(&e, "blocks.json", write_blocks);
     if (status == BW_OK && length) status = write_result(&e, "constraints.json", write_constraints);
@@ -190,6 +226,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK && hex) status = write_hex_formats(&e, options->hex_formats);
     if (status == BW_OK) status = measure_blocks(&e);
     if (status == BW_OK) bw_progress(ctx, 1);
+    bw_igm_clear(ctx, &own);
     bw_tessellation_clear(ctx, &e.tessellation);
     bw_free(ctx, e.position), bw_free(ctx, e.cell_volume), bw_free(ctx, e.block_volume);
     return status;

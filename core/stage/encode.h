@@ -4,7 +4,8 @@
  *     blocks.json    nodes, arcs, patches, blocks                                          (format/blocks_json.h)
  *     constraints.json  with integer lengths: the differences of parameters they ask for   (format/constraints_json.h)
  *     sizes.svg      with a table over sizes: its charts                                   (format/sizes_svg.h)
- *     integer_grid.hexex  with an integer-grid map: that, in units of hexes                (format/igm_hexex.h)
+ *     integer_grid.hexex  with an integer-grid map: that, in units of hexes; with a hex mesh from blocks alone: the block-wise map on a refined mesh,
+ *                    unless that has more than 300 000 tets                                (format/igm_hexex.h, igm/overlay.h)
  *     hexmesh.*      with a hex mesh: in the formats asked for                             (format/hex_write.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <time.h>
 
+#include "format/igm_hexex.h"
 #include "hex/blockfill.h"
 #include "hex/extract.h"
 #include "igm/overlay.h"
@@ -167,6 +168,42 @@ static void features_are_carried_over(void **state) {
     quantizable_close(&q);
 }
 
+static int read_independently(const char *path) {
+    kit_result r = kit_run((const char *[]){"python3", BW_SOURCE_DIR "/tests/core/integer_grid.py", path, NULL});
+    printf("%s%s", r.out, r.err);
+    int code = r.exit;
+    kit_result_clear(&r);
+    return code;
+}
+
+static void an_independent_reader_agrees(void **state) {
+    (void)state;
+    quantizable q;
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    options.size = 1, options.noise = 0.5;
+    quantizable_open(&q, "ball", &options, BW_COMPLEX_MC, BW_REDUCE_FULL);
+    igm_quantize(&q, BW_QUANTIZE_POSITIVE, 1);
+    bw_atlas atlas;
+    bw_blockwise map;
+    bw_igm igm;
+    bw_overlay_report report;
+    kit_expect_ok(&q.ctx, bw_atlas_init(&q.ctx, &q.cells, &q.complex, q.length, &atlas));
+    kit_expect_ok(&q.ctx, bw_blockwise_init(&q.ctx, &atlas, &map));
+    kit_expect_ok(&q.ctx, bw_overlay(&q.ctx, &map, &q.cells, UINT64_MAX, &igm, &report));
+    assert_true(report.cut_cells > 100);
+    const char *path = kit_temp_path("integer_grid.hexex");
+    kit_expect_ok(&q.ctx, bw_igm_hexex_write(&q.ctx, &igm, path, NULL));
+    assert_int_equal(read_independently(path), 0);
+    igm.map.value[igm.mesh.tet_count / 2][1][0]++; /* the smallest step there is */
+    kit_expect_ok(&q.ctx, bw_igm_hexex_write(&q.ctx, &igm, path, NULL));
+    assert_int_equal(read_independently(path), 1);
+    bw_igm_clear(&q.ctx, &igm);
+    bw_blockwise_clear(&q.ctx, &map);
+    bw_atlas_clear(&q.ctx, &atlas);
+    quantizable_close(&q);
+}
+
 /* BW_SCALE: another size, and all models; else every fourth. */
 static void shared_models_have_refined_maps(void **state) {
     (void)state;
@@ -189,6 +226,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(flat_manifolds_have_refined_maps),
     cmocka_unit_test(limits_and_failing_allocations_leave_nothing),
     cmocka_unit_test(features_are_carried_over),
+    cmocka_unit_test(an_independent_reader_agrees),
     cmocka_unit_test(shared_models_have_refined_maps),
 };
 KIT_MAIN(tests)
