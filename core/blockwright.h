@@ -21,7 +21,7 @@ typedef enum {
     BW_STAGE_REDUCE,
     BW_STAGE_QUANTIZE, /* passes the state on if no quantization is asked for */
     BW_STAGE_REPARAMETRIZE, /* passes the state on if it has no quantization */
-    BW_STAGE_EXTRACT,  /* passes the state on if it has neither an integer-grid map nor positive lengths */
+    BW_STAGE_EXTRACT,  /* passes the state on if it has no lengths */
     BW_STAGE_ENCODE,
     BW_STAGE_COUNT
 } bw_stage;

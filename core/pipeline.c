@@ -187,9 +187,7 @@ static bw_status run_reparametrize(bw_context *ctx, const bw_options *options, b
 
 static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    bool positive = state->length != NULL;
-    for (size_t a = 0; positive && a < state->complex.arc_count; a++) positive = state->length[a] > 0;
-    if (!state->has_igm && !positive) return BW_OK;
+    if (!state->length) return BW_OK;
     bw_extract_options how = {options->subdivide, options->max_hexes};
     const bw_tet_mesh *mesh = state->has_igm ? &state->igm.mesh : &state->mesh;
     const uint8_t *flags = state->has_igm ? state->igm.map.edge_flags : state->map.edge_flags;
