@@ -5,6 +5,7 @@
  * Runs whole jobs in this process (bw_run) and prints what their reports say; of several runs the one with the least time in these stages. "extract" is the extraction alone (hex/extract.h),
  * in hexes per second too, "write" stage encode with one format.
  */
+#include <dirent.h>
 #include <getopt.h>
 #include <jansson.h>
 #include <stdio.h>
@@ -142,11 +143,14 @@ static bool read_options(bench *b, int argc, char **argv) {
 }
 
 static void remove_results(const bench *b) {
-    static const char *const names[] = {"report.json", "blocks.json", "constraints.json", "view.drc", "traced.hexex", "bearing.hexex", "sizes.svg"};
-    char path[128];
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) snprintf(path, sizeof path, "%s/%s", b->out, names[i]), unlink(path);
-    snprintf(path, sizeof path, "%s/hexmesh.%s", b->out, b->format);
-    unlink(path);
+    char path[512];
+    DIR *folder = opendir(b->out);
+    for (struct dirent *e; folder && (e = readdir(folder));) {
+        if (e->d_name[0] == '.') continue;
+        snprintf(path, sizeof path, "%s/%s", b->out, e->d_name);
+        unlink(path);
+    }
+    if (folder) closedir(folder);
     if (rmdir(b->out)) fprintf(stderr, "bench_hex: %s is left behind\n", b->out);
 }
 
