@@ -27,6 +27,7 @@ typedef struct {
     double (*target)[3][3]; /* Jacobians for the start */
     bw_untangler *u;
     bw_untangle_report last;
+    bw_igm *igm;
     bw_parametrize_report *report;
 } maker;
 
@@ -143,6 +144,27 @@ static bw_status untangle(maker *m) {
     return status;
 }
 
+static void measure(maker *m) {
+    double sum = 0, most = 0;
+    for (size_t t = 0; t < m->f->tet_count; t++) {
+        double j[3][3];
+        bw_untangle_jacobian(&m->tet[t], m->x, j);
+        double d = bw_distortion((const double(*)[3])j, 0) / 5;
+        sum += d, most = fmax(most, d);
+    }
+    m->report->distortion_mean = sum / (double)m->f->tet_count, m->report->distortion_max = most;
+}
+
+/* Makes the map once all tets are positive; report->valid tells whether it is one. */
+static bw_status conclude(maker *m) {
+    double since = bw_seconds_now();
+    if (m->last.inverted) return BW_OK;
+    measure(m);
+    bw_status status = bw_igm_assemble(m->ctx, m->atlas->cells->mesh, m->f, m->x, m->igm, &m->report->valid);
+    m->report->seconds_verify += bw_seconds_now() - since;
+    return status;
+}
+
 /* Splits around what is inverted, and goes on from where the map was. */
 static bw_status refine(maker *m, size_t *count) {
     uint8_t *marked = bw_alloc(m->ctx, m->f->tet_count, 1);
@@ -161,23 +183,24 @@ static bw_status refine(maker *m, size_t *count) {
 static bw_status start(maker *m) {
     double (*u)[4][3] = bw_alloc(m->ctx, m->f->tet_count, sizeof *u);
     bw_status status = m->ctx->error.status;
-    size_t fewest = SIZE_MAX;
+    size_t fewest = SIZE_MAX; /* inverted tets; a map that winds too often is worse than any */
     shape best = SHAPE_MAP;
-    for (int attempt = 0; attempt < ATTEMPTS && fewest && status == BW_OK; attempt++) {
+    for (int attempt = 0; attempt < ATTEMPTS && !m->report->valid && status == BW_OK; attempt++) {
         m->against = attempt ? SHAPE_SPACE : SHAPE_MAP;
         m->report->restarts = attempt;
         status = pose(m);
         if (status == BW_OK) status = fit(m);
         if (status == BW_OK) status = untangle(m);
+        if (status == BW_OK) status = conclude(m);
         if (status != BW_OK) break;
-        if (m->last.inverted < fewest) {
+        if (m->report->valid || (m->last.inverted && m->last.inverted < fewest)) {
             fewest = m->last.inverted, best = m->against;
             for (size_t t = 0; t < m->f->tet_count; t++) memcpy(u[t], m->f->tet[t].u, sizeof u[t]);
         }
         bw_progress(m->ctx, 0.3 * (attempt + 1));
     }
-    m->report->inverted_untangled = m->report->inverted = fewest;
-    if (status == BW_OK && m->against != best) {
+    if (fewest < SIZE_MAX) m->report->inverted_untangled = m->report->inverted = fewest;
+    if (status == BW_OK && m->against != best && fewest < SIZE_MAX) {
         m->against = best;
         for (size_t t = 0; t < m->f->tet_count; t++) memcpy(m->f->tet[t].u, u[t], sizeof u[t]);
         status = pose(m);
@@ -187,36 +210,21 @@ static bw_status start(maker *m) {
     return status;
 }
 
-static void measure(maker *m) {
-    double sum = 0, most = 0;
-    for (size_t t = 0; t < m->f->tet_count; t++) {
-        double j[3][3];
-        bw_untangle_jacobian(&m->tet[t], m->x, j);
-        double d = bw_distortion((const double(*)[3])j, 0) / 5;
-        sum += d, most = fmax(most, d);
-    }
-    m->report->distortion_mean = sum / (double)m->f->tet_count, m->report->distortion_max = most;
-}
-
 bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame, bw_igm *igm, bw_parametrize_report *report) {
-    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .report = report};
+    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .igm = igm, .report = report};
     *report = (bw_parametrize_report){0};
     memset(igm, 0, sizeof *igm);
     set_units(&m);
     bw_status status = start(&m);
-    for (int i = 0; i < REFINEMENTS && report->inverted && status == BW_OK; i++) {
+    size_t hopeless = 10 * report->inverted + 50;
+    for (int i = 0; i < REFINEMENTS && report->inverted && report->inverted < hopeless && status == BW_OK; i++) {
         size_t count = 0;
         status = refine(&m, &count);
         if (status == BW_OK) status = untangle(&m);
+        if (status == BW_OK) status = conclude(&m);
         bw_progress(ctx, 0.6 + 0.3 * (i + 1) / REFINEMENTS);
     }
     report->tets = frame->tet_count;
-    if (status == BW_OK && !report->inverted) {
-        double since = bw_seconds_now();
-        measure(&m);
-        status = bw_igm_assemble(ctx, atlas->cells->mesh, frame, m.x, igm, &report->valid);
-        report->seconds_verify = bw_seconds_now() - since;
-    }
     release(&m);
     return status;
 }
