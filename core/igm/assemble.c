@@ -125,21 +125,27 @@ static bw_status fill(bw_context *ctx, const bw_tet_mesh *input, const bw_frame 
     return status;
 }
 
-/* Whether the map winds around edges as it should. */
-static bool winds_right(const bw_frame *frame, const bw_igm *igm) {
-    for (size_t i = 0; i < 6 * frame->tet_count; i++)
-        if (igm->map.quarters[igm->mesh.tet_edge[i / 6][i % 6]] != frame->tet[igm->mesh.tet_id[i / 6]].quarters[i % 6]) return false;
-    return true;
+/* Whether the map winds around edges as it should; marks the tets where it does not. */
+static bool winds_right(const bw_frame *frame, const bw_igm *igm, uint8_t *wound) {
+    bool right = true;
+    for (size_t i = 0; i < 6 * frame->tet_count; i++) {
+        bw_tet tet = igm->mesh.tet_id[i / 6];
+        if (igm->map.quarters[igm->mesh.tet_edge[i / 6][i % 6]] == frame->tet[tet].quarters[i % 6]) continue;
+        wound[tet] = 1;
+        right = false;
+    }
+    return right;
 }
 
-static bw_status make(bw_context *ctx, const bw_tet_mesh *input, const bw_frame *frame, int exponent, int64_t (*value)[4][3], bw_igm *igm, bool *valid) {
+static bw_status make(bw_context *ctx, const bw_tet_mesh *input, const bw_frame *frame, int exponent, int64_t (*value)[4][3], bw_igm *igm, bool *valid, uint8_t *wound) {
     bw_status status = fill(ctx, input, frame, exponent, value, igm);
     if (status != BW_OK) return status;
     bw_context apart = *ctx; /* wrong turns around an edge are found here, and no failure of the job */
     status = bw_grid_map_derive(&apart, &igm->mesh, &igm->map);
     ctx->memory = apart.memory;
-    *valid = status == BW_OK && winds_right(frame, igm);
+    *valid = (status == BW_OK || status == BW_E_SINGULAR) && winds_right(frame, igm, wound) && status == BW_OK; /* quarters are known in both cases */
     if (status == BW_E_SINGULAR || status == BW_E_NOT_ALIGNED || (status == BW_OK && !*valid)) {
+        bw_log(ctx, "a map without inverted tets is refused: %s", status == BW_OK ? "it winds around an edge as in no map of the input" : apart.error.message);
         bw_igm_clear(ctx, igm);
         return BW_OK;
     }
@@ -151,7 +157,7 @@ static bw_status make(bw_context *ctx, const bw_tet_mesh *input, const bw_frame 
     return bw_igm_check(ctx, igm);
 }
 
-bw_status bw_igm_assemble(bw_context *ctx, const bw_tet_mesh *input, const bw_frame *frame, const double *x, bw_igm *igm, bool *valid) {
+bw_status bw_igm_assemble(bw_context *ctx, const bw_tet_mesh *input, const bw_frame *frame, const double *x, bw_igm *igm, bool *valid, uint8_t *wound) {
     int64_t (*value)[4][3] = bw_alloc(ctx, frame->tet_count, sizeof *value);
     bw_status status = ctx->error.status;
     memset(igm, 0, sizeof *igm);
@@ -159,7 +165,7 @@ bw_status bw_igm_assemble(bw_context *ctx, const bw_tet_mesh *input, const bw_fr
     for (size_t i = 0; i < sizeof exponents / sizeof *exponents && status == BW_OK && fits(frame, exponents[i]); i++) {
         set_values(frame, x, exponents[i], value);
         if (!all_positive(frame, value)) continue;
-        status = make(ctx, input, frame, exponents[i], value, igm, valid);
+        status = make(ctx, input, frame, exponents[i], value, igm, valid, wound);
         break;
     }
     bw_free(ctx, value);

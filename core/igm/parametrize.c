@@ -8,7 +8,9 @@
 #include "solve/distortion.h"
 #include "solve/untangle.h"
 
-enum { STIFFENINGS = 10, REFINEMENTS = 12, ATTEMPTS = 2 };
+enum { STIFFENINGS = 10, REFINEMENTS = 12, ATTEMPTS = 3, UNWINDINGS = 3 };
+
+#define STRIDE_LEAST (1.0 / 40) /* of a march: a stop for refinement */
 
 static const bw_untangle_options untangling = {.rounds = 120, .patience = 25, .polish = 12, .settled = 1e-3};
 
@@ -28,6 +30,7 @@ typedef struct {
     bw_untangler *u;
     bw_untangle_report last;
     bw_igm *igm;
+    uint8_t *wound;         /* [tet] around edges that the last map without inverted tets winds around too often; NULL: there was none */
     bw_parametrize_report *report;
 } maker;
 
@@ -160,8 +163,66 @@ static bw_status conclude(maker *m) {
     double since = bw_seconds_now();
     if (m->last.inverted) return BW_OK;
     measure(m);
-    bw_status status = bw_igm_assemble(m->ctx, m->atlas->cells->mesh, m->f, m->x, m->igm, &m->report->valid);
+    bw_free(m->ctx, m->wound);
+    if (!(m->wound = bw_alloc(m->ctx, m->f->tet_count, 1))) return m->ctx->error.status;
+    bw_status status = bw_igm_assemble(m->ctx, m->atlas->cells->mesh, m->f, m->x, m->igm, &m->report->valid, m->wound);
     m->report->seconds_verify += bw_seconds_now() - since;
+    return status;
+}
+
+/* ---- marching ---- */
+
+/* Constants between those of the input's map and the integers: at = (1 - far) * input + far * integer. */
+static void set_constants(maker *m, double far) {
+    for (size_t i = 0; i < m->f->tet_count; i++) {
+        const bw_frame_tet *t = &m->f->tet[i];
+        for (int c = 0; c < 4; c++)
+            for (int k = 0; k < 3; k++) {
+                int32_t v = t->variable[c][k];
+                double input = m->unit * t->p[c][k];
+                if (v != BW_NONE) input -= t->sign[c][k] * m->unit * m->f->tet[m->f->reference[v][0] / 4].p[m->f->reference[v][0] % 4][m->f->reference[v][1]];
+                m->tet[i].at[c][k] = (1 - far) * input + far * (double)t->at[c][k];
+            }
+    }
+}
+
+/* From constants at `from` to those at `to`: the change of Jacobians is spread as evenly as may be, then what it inverted is untangled. */
+static bw_status advance(maker *m, double from, double to) {
+    bw_untangle_options options = untangling;
+    options.polish = to < 1 ? 4 : untangling.polish;
+    set_constants(m, from);
+    for (size_t t = 0; t < m->f->tet_count; t++) bw_untangle_jacobian(&m->tet[t], m->x, m->target[t]);
+    set_constants(m, to);
+    bw_status status = bw_untangler_fit(m->ctx, m->u, m->weight, (const double(*)[3][3])m->target, m->x);
+    if (status == BW_OK) status = bw_untangler_run(m->ctx, m->u, &options, m->x, &m->last);
+    m->report->iterations += m->last.iterations;
+    return status;
+}
+
+/* From the input's map, which is valid, to the integers in small steps, so that nothing is ever far from valid and no edge is wound around too often. */
+static bw_status march(maker *m) {
+    double far = 0, stride = 0.25, since = bw_seconds_now();
+    double *kept = bw_alloc(m->ctx, m->f->variable_count, sizeof *kept);
+    bw_status status = m->ctx->error.status;
+    for (size_t v = 0; v < m->f->variable_count && status == BW_OK; v++)
+        m->x[v] = m->unit * m->f->tet[m->f->reference[v][0] / 4].p[m->f->reference[v][0] % 4][m->f->reference[v][1]];
+    while (far < 1 && stride > STRIDE_LEAST && status == BW_OK) {
+        double next = fmin(1, far + stride);
+        memcpy(kept, m->x, m->f->variable_count * sizeof *kept);
+        if ((status = advance(m, far, next))) break;
+        if (m->last.inverted) {
+            memcpy(m->x, kept, m->f->variable_count * sizeof *kept);
+            stride *= 0.5;
+        } else {
+            far = next;
+        }
+    }
+    if (status == BW_OK && far < 1) status = advance(m, far, 1);
+    set_constants(m, 1);
+    m->report->inverted = m->last.inverted;
+    m->report->seconds_untangle += bw_seconds_now() - since;
+    if (status == BW_OK) bw_frame_write(m->f, m->x);
+    bw_free(m->ctx, kept);
     return status;
 }
 
@@ -179,25 +240,36 @@ static bw_status refine(maker *m, size_t *count) {
     return status;
 }
 
-/* A start and untangling, for each way of measuring shapes; the frame keeps the better result. */
+/* Splits around edges that the map winds around too often: what is around them is held, else they would not. A new start is needed, for such a map has no inverted tet. */
+static bw_status unwind(maker *m) {
+    size_t count = 0;
+    bw_status status = bw_frame_split(m->ctx, m->f, m->wound, &count);
+    bw_free(m->ctx, m->wound);
+    m->wound = NULL;
+    m->report->splits += count;
+    m->report->refinements++;
+    return status;
+}
+
+/* A start and untangling, for each way of measuring shapes, and a march; the frame keeps the better result. */
 static bw_status start(maker *m) {
     double (*u)[4][3] = bw_alloc(m->ctx, m->f->tet_count, sizeof *u);
     bw_status status = m->ctx->error.status;
     size_t fewest = SIZE_MAX; /* inverted tets; a map that winds too often is worse than any */
     shape best = SHAPE_MAP;
     for (int attempt = 0; attempt < ATTEMPTS && !m->report->valid && status == BW_OK; attempt++) {
-        m->against = attempt ? SHAPE_SPACE : SHAPE_MAP;
+        m->against = attempt == 1 ? SHAPE_SPACE : SHAPE_MAP;
         m->report->restarts = attempt;
         status = pose(m);
-        if (status == BW_OK) status = fit(m);
-        if (status == BW_OK) status = untangle(m);
+        if (status == BW_OK && attempt < 2) status = fit(m);
+        if (status == BW_OK) status = attempt < 2 ? untangle(m) : march(m);
         if (status == BW_OK) status = conclude(m);
         if (status != BW_OK) break;
         if (m->report->valid || (m->last.inverted && m->last.inverted < fewest)) {
             fewest = m->last.inverted, best = m->against;
             for (size_t t = 0; t < m->f->tet_count; t++) memcpy(u[t], m->f->tet[t].u, sizeof u[t]);
         }
-        bw_progress(m->ctx, 0.3 * (attempt + 1));
+        bw_progress(m->ctx, 0.2 * (attempt + 1));
     }
     if (fewest < SIZE_MAX) m->report->inverted_untangled = m->report->inverted = fewest;
     if (status == BW_OK && m->against != best && fewest < SIZE_MAX) {
@@ -216,6 +288,10 @@ bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame
     memset(igm, 0, sizeof *igm);
     set_units(&m);
     bw_status status = start(&m);
+    for (int i = 0; i < UNWINDINGS && m.wound && !report->valid && status == BW_OK; i++) {
+        status = unwind(&m);
+        if (status == BW_OK) status = start(&m);
+    }
     size_t hopeless = 10 * report->inverted + 50;
     for (int i = 0; i < REFINEMENTS && report->inverted && report->inverted < hopeless && status == BW_OK; i++) {
         size_t count = 0;
@@ -226,5 +302,6 @@ bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame
     }
     report->tets = frame->tet_count;
     release(&m);
+    bw_free(ctx, m.wound);
     return status;
 }

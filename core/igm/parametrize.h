@@ -2,10 +2,12 @@
  *
  *   1. Least squares: Jacobians near those of the input's map, scaled to the number of hexes; the weights of inverted tets are doubled and it is solved again (stiffening).
  *   2. Untangling by a foldover-free energy (solve/untangle.h), which then, as a barrier, makes the shapes better without losing validity.
- *   3. What is still inverted is split (split.h), and 2 is done again.
+ *   3. What is still inverted is split (split.h), and 2 is done again. A map may also be without inverted tets and wind around an edge twice, where all vertices around it are held:
+ *      these edges are split too, and it starts anew.
  *   4. Values are rounded to a dyadic grid: unknowns only, so that transitions and constants stay exact; the grid is made finer if that inverts a tet.
  *
- * Shapes are measured against the input's map; if that fails, against the tets in space, which may be less distorted.
+ * Shapes are measured against the input's map; if that fails, against the tets in space, which may be less distorted; then
+ * the constants are moved from those of the input's map to the integers in small steps.
  */
 #ifndef BW_IGM_PARAMETRIZE_H
 #define BW_IGM_PARAMETRIZE_H
