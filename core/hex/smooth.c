@@ -66,17 +66,25 @@ static bw_status descend(bw_context *ctx, smoothing *w, int iterations, double *
     return judge(ctx, w);
 }
 
+/* How many of `rounds` rounds of so many iterations the work allows, but 4 at least. */
+static int fit(const smoothing *w, uint64_t work, int rounds, int iterations) {
+    uint64_t most = work / ((uint64_t)iterations * (w->s.touched_count + 1));
+    return most >= (uint64_t)rounds ? rounds : most < 4 ? 4 : (int)most;
+}
+
 /* Rounds for a falling epsilon. Many short ones follow curved surfaces better than few long ones. */
 static bw_status untangle(bw_context *ctx, smoothing *w, int rounds, int iterations, double falling) {
+    rounds = fit(w, 4 * w->options->work, rounds, iterations);
+    falling = fmin(falling, pow(1e-3, 1.0 / rounds));
     w->s.epsilon = 1, w->s.sharpness = 0;
     for (int i = 0; i < rounds && w->least.corners; i++) {
         double gain;
         bw_smoother_rest(&w->s, 0.25);
         if (descend(ctx, w, iterations, &gain)) return ctx->error.status;
         w->s.epsilon *= falling;
-        bw_progress(ctx, w->part + 0.2 * (i + 1) / rounds);
+        bw_progress(ctx, w->part + 0.1 * (i + 1) / rounds);
     }
-    w->part += 0.2;
+    w->part = fmin(0.4, w->part + 0.1);
     return BW_OK;
 }
 
@@ -125,12 +133,12 @@ static void loosen(smoothing *w) {
 
 static bw_status improve_all(bw_context *ctx, smoothing *w) {
     bool whole = w->s.mesh->hex_count <= w->options->whole;
-    uint64_t rounds = 12, most = w->options->work / (rounds * (w->s.mesh->hex_count + 1));
-    w->iterations = most < 8 ? 8 : most > 30 ? 30 : (int)most;
     for (int i = 0; i < 4; i++) {
         if (return_to_best(ctx, w)) return ctx->error.status;
-        if (!whole) bw_smoother_activate(&w->s, 0.5, 2);
-        if (improve(ctx, w, 3, i ? 2 << i : 0)) return ctx->error.status;
+        if (!whole) bw_smoother_activate(&w->s, enough, 2);
+        uint64_t most = w->options->work / (12 * (w->s.touched_count + 1));
+        w->iterations = most < 8 ? 8 : most > 30 ? 30 : (int)most;
+        if (improve(ctx, w, (fit(w, w->options->work, 12, w->iterations) + 3) / 4, i ? 2 << i : 0)) return ctx->error.status;
         bw_progress(ctx, 0.6 + 0.1 * (i + 1));
     }
     return BW_OK;
@@ -149,7 +157,7 @@ static bw_status run(bw_context *ctx, smoothing *w) {
     if (w->least.corners && w->options->leave > 0) {
         if (return_to_best(ctx, w)) return ctx->error.status;
         loosen(w);
-        if (untangle_near(ctx, w, 2, 8)) return ctx->error.status;
+        if (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12)) return ctx->error.status;
     }
     return w->least.corners ? BW_OK : improve_all(ctx, w);
 }
