@@ -1,6 +1,6 @@
 #!/bin/sh
 # Shows Blockwright at work on this machine: installs what is missing, builds, makes a part, starts the daemon, sends the
-# part through its HTTP interface, fetches the block decomposition and tells what it is. Needs root or sudo only if
+# part through its HTTP interface, fetches blocks and hex mesh and tells what they are. Needs root or sudo only if
 # packages are missing. Everything it makes is under build/.
 #
 #   sh deploy/demo.sh                  the daemon is left running; the last lines say where and how to stop it
@@ -109,7 +109,7 @@ echo "listening at $server"
 
 step "The job: upload, wait, fetch (clients/sh/blockwright.sh, that is curl)"
 rm -rf "$here/result"
-id=$(sh clients/sh/blockwright.sh submit "$part")
+id=$(sh clients/sh/blockwright.sh submit "$part" --quantize any --target-hexes 5000)
 sh clients/sh/blockwright.sh watch "$id"
 sh clients/sh/blockwright.sh fetch "$id" --out "$here/result" --quiet
 

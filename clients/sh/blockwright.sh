@@ -12,6 +12,7 @@ Usage: blockwright.sh COMMAND ...
 
   submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
+         [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...]
          [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
@@ -227,6 +228,10 @@ submit() {
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
     [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
     [ -z "$size" ] || options="${options:+$options, }$size"
+    [ -z "$route" ] || options="${options:+$options, }\"route\": $(quoted "$route")"
+    [ -z "$subdivide" ] || options="${options:+$options, }\"subdivide\": $subdivide"
+    [ -z "$smooth" ] || options="${options:+$options, }\"smooth\": $(quoted "$smooth")"
+    [ -z "$formats" ] || options="${options:+$options, }\"hex_formats\": [$(quoted "$formats" | sed 's/,/", "/g')]"
     [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
     printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
@@ -375,6 +380,10 @@ server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
 quiet=no
 wait=no
 repair=no
+route=
+subdivide=
+smooth=
+formats=
 rounding=no
 out=
 complex=
@@ -398,7 +407,7 @@ while [ $# -gt 0 ]; do
     --rounding) rounding=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --until | --name | --parameters)
+    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -408,6 +417,10 @@ while [ $# -gt 0 ]; do
         --quantize) quantize=$2 ;;
         --scale) number "$1" "$2" && size="\"scale\": $2" ;;
         --target-hexes) number "$1" "$2" && size="\"target_hexes\": $2" ;;
+        --route) route=$2 ;;
+        --subdivide) number "$1" "$2" && subdivide=$2 ;;
+        --smooth) smooth=$2 ;;
+        --hex-formats) formats=$2 ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
         --parameters) parameters=$2 ;;

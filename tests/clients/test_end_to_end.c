@@ -6,13 +6,14 @@
 
 #include "clients/daemon.h"
 
-enum { WORDS = 12, ID_MAX = 65 };
+enum { WORDS = 18, ID_MAX = 65 };
 
 static daemon_here here;
 static const char *part; /* the input all tests use */
 
 /* Files whose bytes must not depend on where a job ran (report.json holds times). */
-static const char *const results[] = {"traced.hexex", "blocks.json", "view.drc"};
+static const char *const results[] = {"traced.hexex", "blocks.json", "view.drc", NULL};
+static const char *const hexes[] = {"hexmesh.msh", "hexmesh.bwh", "integer_grid.hexex", "blocks.json", NULL};
 
 typedef enum { C_CLIENT, SH_CLIENT, CLIENTS } client;
 static const char *const client_name[] = {"C", "sh"};
@@ -63,12 +64,12 @@ static void run_here(const char *complex, const char *threads, const char *out) 
     kit_result_clear(&r);
 }
 
-static void expect_same_results(const char *a, const char *b) {
-    for (size_t i = 0; i < sizeof results / sizeof *results; i++) {
+static void expect_same(const char *const names[], const char *a, const char *b) {
+    for (size_t i = 0; names[i]; i++) {
         char path_a[600], path_b[600];
         size_t size_a, size_b;
-        snprintf(path_a, sizeof path_a, "%s/%s", a, results[i]);
-        snprintf(path_b, sizeof path_b, "%s/%s", b, results[i]);
+        snprintf(path_a, sizeof path_a, "%s/%s", a, names[i]);
+        snprintf(path_b, sizeof path_b, "%s/%s", b, names[i]);
         char *bytes_a = kit_read_file(path_a, &size_a), *bytes_b = kit_read_file(path_b, &size_b);
         if (size_a != size_b || memcmp(bytes_a, bytes_b, size_a) != 0)
             fail_msg("%s and %s differ", path_a, path_b);
@@ -76,6 +77,8 @@ static void expect_same_results(const char *a, const char *b) {
         free(bytes_b);
     }
 }
+
+static void expect_same_results(const char *a, const char *b) { expect_same(results, a, b); }
 
 static void both_clients_bring_home_what_a_local_run_makes(void **state) {
     (void)state;
@@ -109,6 +112,22 @@ static void options_reach_the_job(void **state) {
         kit_result_clear(&r);
         expect_same_results(kit_temp_path("local-bc"), out);
     }
+}
+
+static void a_hex_mesh_comes_home_as_a_local_run_makes_it(void **state) {
+    (void)state;
+#define HEXES "--quantize", "any", "--target-hexes", "100", "--subdivide", "2", "--route", "quality", "--smooth", "off", "--hex-formats", "msh,bwh"
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", part, HEXES, "--out", kit_temp_path("local-hexes"), NULL});
+    if (r.exit != 0) fail_msg("local run: exit %d\n%s", r.exit, r.err);
+    kit_result_clear(&r);
+    for (client c = 0; c < CLIENTS; c++) {
+        const char *out = kit_temp_path("%s-hexes", client_name[c]);
+        r = call_well(c, (const char *[]){"submit", part, HEXES, "--out", out, "--quiet", NULL});
+        kit_result_clear(&r);
+        expect_same(hexes, kit_temp_path("local-hexes"), out);
+        assert_false(kit_exists(kit_temp_path("%s-hexes/hexmesh.vtu", client_name[c])));
+    }
+#undef HEXES
 }
 
 /* A map with inverted tets fails with their places, and is repaired if that is asked for: the report says where. */
@@ -261,6 +280,7 @@ int main(void) {
         cmocka_unit_test(both_clients_bring_home_what_a_local_run_makes),
         cmocka_unit_test(the_number_of_threads_changes_nothing),
         cmocka_unit_test(options_reach_the_job),
+        cmocka_unit_test(a_hex_mesh_comes_home_as_a_local_run_makes_it),
         cmocka_unit_test(a_folded_map_is_refused_by_place_or_repaired),
         cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
         cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),
