@@ -21,7 +21,7 @@ typedef struct {
 } smoothing;
 
 void bw_smooth_options_defaults(bw_smooth_options *options) {
-    *options = (bw_smooth_options){.rounds = 24, .work = 2500000, .whole = 50000, .leave = 0.1};
+    *options = (bw_smooth_options){.rounds = 24, .work = 1000000, .whole = 50000, .leave = 0.1};
 }
 
 static double score(const bw_smooth_state *a) { return a->mean + 2 * fmin(a->least, enough); }
@@ -72,12 +72,15 @@ static int fit(const smoothing *w, uint64_t work, int rounds, int iterations) {
     return most >= (uint64_t)rounds ? rounds : most < 4 ? 4 : (int)most;
 }
 
+/* Whether the best mesh has to be untangled: corners are inverted, or flat where vertices may leave what holds them. */
+static bool is_tangled(const smoothing *w) { return w->least.corners || (w->s.leave > 0 && w->least.least < flat); }
+
 /* Rounds for a falling epsilon. Many short ones follow curved surfaces better than few long ones. */
 static bw_status untangle(bw_context *ctx, smoothing *w, int rounds, int iterations, double falling) {
     rounds = fit(w, 4 * w->options->work, rounds, iterations);
     falling = fmin(falling, pow(1e-3, 1.0 / rounds));
     w->s.epsilon = 1, w->s.sharpness = 0;
-    for (int i = 0; i < rounds && w->least.corners; i++) {
+    for (int i = 0; i < rounds && is_tangled(w); i++) {
         double gain;
         bw_smoother_rest(&w->s, 0.25);
         if (descend(ctx, w, iterations, &gain)) return ctx->error.status;
@@ -115,23 +118,26 @@ static bw_status improve(bw_context *ctx, smoothing *w, int rounds, double sharp
 
 /* Rounds around the hexes that are not positive, from the best mesh. */
 static bw_status untangle_near(bw_context *ctx, smoothing *w, int rings, int iterations) {
-    if (!w->least.corners) return BW_OK;
+    if (!is_tangled(w)) return BW_OK;
     if (return_to_best(ctx, w)) return ctx->error.status;
     bw_smoother_activate(&w->s, flat, rings);
     return untangle(ctx, w, 2 * w->options->rounds, iterations, 0.85);
 }
 
 /* Lets vertices of the hexes that are flat or not positive, in the best mesh, leave what holds them. */
-static void loosen(smoothing *w) {
+static bw_status loosen(bw_context *ctx, smoothing *w) {
+    if (return_to_best(ctx, w)) return ctx->error.status;
     w->s.leave = w->options->leave;
     for (size_t h = 0; h < w->s.mesh->hex_count && w->s.leave > 0; h++)
         for (int c = 0; c < 8 && w->s.least[h] < flat; c++) {
             bw_hvertex v = w->s.mesh->hex[h][c];
             w->s.loose[v] = w->s.hold[v].held == BW_HELD_SURFACE || w->s.hold[v].held == BW_HELD_CURVE;
         }
+    return BW_OK;
 }
 
-static bw_status improve_all(bw_context *ctx, smoothing *w) {
+/* Improves the best mesh, which has no inverted corner; progress from `from` on to 0.2 more. */
+static bw_status improve_all(bw_context *ctx, smoothing *w, double from) {
     bool whole = w->s.mesh->hex_count <= w->options->whole;
     for (int i = 0; i < 4; i++) {
         if (return_to_best(ctx, w)) return ctx->error.status;
@@ -139,7 +145,7 @@ static bw_status improve_all(bw_context *ctx, smoothing *w) {
         uint64_t most = w->options->work / (12 * (w->s.touched_count + 1));
         w->iterations = most < 8 ? 8 : most > 30 ? 30 : (int)most;
         if (improve(ctx, w, (fit(w, w->options->work, 12, w->iterations) + 3) / 4, i ? 2 << i : 0)) return ctx->error.status;
-        bw_progress(ctx, 0.6 + 0.1 * (i + 1));
+        bw_progress(ctx, from + 0.05 * (i + 1));
     }
     return BW_OK;
 }
@@ -152,14 +158,15 @@ static bw_status run(bw_context *ctx, smoothing *w) {
     w->report->before = w->least = w->now;
     if (bw_smoother_frame(ctx, &w->s, &n) || judge(ctx, w)) return ctx->error.status;
     if (w->s.mesh->hex_count > w->options->whole) bw_smoother_activate(&w->s, flat, 4);
-    if (untangle(ctx, w, w->options->rounds / 2, 30, 0.7)) return ctx->error.status;
-    if (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12)) return ctx->error.status;
-    if (w->least.corners && w->options->leave > 0) {
-        if (return_to_best(ctx, w)) return ctx->error.status;
-        loosen(w);
-        if (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12)) return ctx->error.status;
-    }
-    return w->least.corners ? BW_OK : improve_all(ctx, w);
+    bool few = w->least.corners < w->s.mesh->hex_count / 100; /* then what is near them may do */
+    if (few && (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12))) return ctx->error.status;
+    if (!few && untangle(ctx, w, w->options->rounds / 2, 30, 0.7)) return ctx->error.status;
+    if (!few && (untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12))) return ctx->error.status;
+    if (w->least.corners && (loosen(ctx, w) || untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12))) return ctx->error.status;
+    if (w->least.corners || improve_all(ctx, w, 0.6)) return ctx->error.status;
+    if (w->least.least >= flat || w->s.leave > 0) return BW_OK;
+    if (loosen(ctx, w) || untangle_near(ctx, w, 2, 8) || untangle_near(ctx, w, 6, 12)) return ctx->error.status;
+    return w->least.corners ? BW_OK : improve_all(ctx, w, 0.8);
 }
 
 static void report_moves(smoothing *w) {

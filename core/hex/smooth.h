@@ -11,7 +11,7 @@
  *  1. Connectivity, held and carrier stay as they are.
  *  2. The mesh that is returned has no more hexes and no more corners that are not positive than the one that came in; if as many, mean + 2 min(least, 0.2)
  *     of its scaled Jacobians is not smaller.
- *  3. Vertices on surfaces and curves end on them. Where a hex is not positive otherwise, they may leave them, by `leave` at most.
+ *  3. Vertices on surfaces and curves end on them. Where a hex is not positive otherwise, or hardly, they may leave them, by `leave` at most.
  *  4. The same bits at any number of threads.
  */
 #ifndef BW_HEX_SMOOTH_H
