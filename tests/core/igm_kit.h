@@ -20,6 +20,45 @@ static inline void igm_quantize(quantizable *q, bw_quantize_range range, double 
     bw_quantizer_close(&q->ctx, &z);
 }
 
+/* Runs a test on every sample model, traced and reduced each way: with a chart of its own for every tet where nothing is reduced, with features where all is. */
+static inline void igm_each_sample(void (*test)(quantizable *q)) {
+    size_t count;
+    const bw_model_info *models = bw_model_list(&count);
+    for (size_t i = 0; i < count; i++)
+        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
+            quantizable q;
+            bw_model_options options;
+            bw_model_options_defaults(&options);
+            options.size = 2, options.noise = 0.5, options.seed = i, options.features = mode == BW_REDUCE_FULL;
+            options.scramble = mode == BW_REDUCE_NONE ? BW_SCRAMBLE_TETS : BW_SCRAMBLE_NONE;
+            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
+            test(&q);
+            quantizable_close(&q);
+        }
+}
+
+static inline void igm_each_flat_manifold(void (*test)(quantizable *q)) {
+    for (size_t i = 0; i < FLAT_SHAPES; i++) {
+        quantizable q;
+        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
+        test(&q);
+        quantizable_close(&q);
+    }
+}
+
+static inline void igm_each_file(const char *folder, void (*test)(quantizable *q)) {
+    size_t count;
+    char **names = kit_names(folder, ".hexex", &count);
+    assert_true(count > 0);
+    for (size_t i = 0; i < count; i++) {
+        quantizable q;
+        quantizable_open_file(&q, folder, names[i], BW_REDUCE_KEEP_SINGULAR);
+        test(&q);
+        quantizable_close(&q);
+    }
+    kit_names_free(names, count);
+}
+
 /* Number of hexes that q->length promises. */
 static inline size_t igm_hexes(const quantizable *q) {
     size_t hexes = 0;

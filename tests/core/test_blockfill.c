@@ -83,33 +83,19 @@ static void check(quantizable *q, double scale, int32_t subdivide) {
     empty(q, &f);
 }
 
+static void check_sizes(quantizable *q) {
+    check(q, 3, 1);
+    check(q, 1, 3);
+}
+
 static void sample_models_are_filled(void **state) {
     (void)state;
-    size_t count;
-    const bw_model_info *models = bw_model_list(&count);
-    for (size_t i = 0; i < count; i++)
-        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
-            quantizable q;
-            bw_model_options options;
-            bw_model_options_defaults(&options);
-            options.size = 2, options.noise = 0.5, options.seed = i, options.features = mode == BW_REDUCE_FULL;
-            options.scramble = mode == BW_REDUCE_NONE ? BW_SCRAMBLE_TETS : BW_SCRAMBLE_NONE;
-            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
-            check(&q, 2, 1);
-            check(&q, 1, 3);
-            quantizable_close(&q);
-        }
+    igm_each_sample(check_sizes);
 }
 
 static void flat_manifolds_are_filled(void **state) {
     (void)state;
-    for (size_t i = 0; i < FLAT_SHAPES; i++) {
-        quantizable q;
-        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
-        check(&q, 3, 1);
-        check(&q, 1, 3);
-        quantizable_close(&q);
-    }
+    igm_each_flat_manifold(check_sizes);
 }
 
 static void the_mesh_does_not_depend_on_threads(void **state) {

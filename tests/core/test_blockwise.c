@@ -81,29 +81,13 @@ static void check(quantizable *q) {
 
 static void sample_models_have_block_wise_maps(void **state) {
     (void)state;
-    size_t count;
-    const bw_model_info *models = bw_model_list(&count);
-    for (size_t i = 0; i < count; i++)
-        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
-            quantizable q;
-            bw_model_options options;
-            bw_model_options_defaults(&options);
-            options.size = 2, options.noise = 0.5, options.seed = i;
-            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
-            check(&q);
-            quantizable_close(&q);
-        }
+    igm_each_sample(check);
     assert_true(plain_blocks > 0);
 }
 
 static void flat_manifolds_have_block_wise_maps(void **state) {
     (void)state;
-    for (size_t i = 0; i < FLAT_SHAPES; i++) {
-        quantizable q;
-        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
-        check(&q);
-        quantizable_close(&q);
-    }
+    igm_each_flat_manifold(check);
 }
 
 static void damage_is_found(void **state) {

@@ -32,43 +32,17 @@ static void check_ranges(quantizable *q) {
 
 static void charts_of_sample_models_agree(void **state) {
     (void)state;
-    size_t count;
-    const bw_model_info *models = bw_model_list(&count);
-    for (size_t i = 0; i < count; i++)
-        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
-            quantizable q;
-            bw_model_options options;
-            bw_model_options_defaults(&options);
-            options.size = 2, options.noise = 0.5, options.seed = i, options.features = mode == BW_REDUCE_FULL;
-            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
-            check_ranges(&q);
-            quantizable_close(&q);
-        }
+    igm_each_sample(check_ranges);
 }
 
 static void charts_of_flat_manifolds_agree(void **state) {
     (void)state;
-    for (size_t i = 0; i < FLAT_SHAPES; i++) {
-        quantizable q;
-        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
-        check_ranges(&q);
-        quantizable_close(&q);
-    }
+    igm_each_flat_manifold(check_ranges);
 }
 
 static void charts_of_shared_models_agree(void **state) {
     (void)state;
-    const char *folder = kit_shared("data/tet");
-    size_t count;
-    char **names = kit_names(folder, ".hexex", &count);
-    assert_true(count > 0);
-    for (size_t i = 0; i < count; i++) {
-        quantizable q;
-        quantizable_open_file(&q, folder, names[i], BW_REDUCE_KEEP_SINGULAR);
-        check_ranges(&q);
-        quantizable_close(&q);
-    }
-    kit_names_free(names, count);
+    igm_each_file(kit_shared("data/tet"), check_ranges);
 }
 
 static void damage_is_found(void **state) {

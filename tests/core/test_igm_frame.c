@@ -46,48 +46,18 @@ static void check(quantizable *q) {
 
 static void sample_models_have_frames(void **state) {
     (void)state;
-    size_t count;
-    const bw_model_info *models = bw_model_list(&count);
-    for (size_t i = 0; i < count; i++)
-        for (int mode = BW_REDUCE_NONE; mode <= BW_REDUCE_FULL; mode++) {
-            quantizable q;
-            bw_model_options options;
-            bw_model_options_defaults(&options);
-            options.size = 2, options.noise = 0.5, options.seed = i, options.features = mode == BW_REDUCE_FULL;
-            options.scramble = mode == BW_REDUCE_NONE ? BW_SCRAMBLE_TETS : BW_SCRAMBLE_NONE;
-            quantizable_open(&q, models[i].name, &options, BW_COMPLEX_MC, (bw_reduce_mode)mode);
-            check(&q);
-            quantizable_close(&q);
-        }
+    igm_each_sample(check);
 }
 
 static void flat_manifolds_have_frames(void **state) {
     (void)state;
-    for (size_t i = 0; i < FLAT_SHAPES; i++) {
-        quantizable q;
-        quantizable_open_flat(&q, &flat_shapes[i], BW_REDUCE_NONE);
-        check(&q);
-        quantizable_close(&q);
-    }
-}
-
-static void check_folder(const char *folder) {
-    size_t count;
-    char **names = kit_names(folder, ".hexex", &count);
-    assert_true(count > 0);
-    for (size_t i = 0; i < count; i++) {
-        quantizable q;
-        quantizable_open_file(&q, folder, names[i], BW_REDUCE_KEEP_SINGULAR);
-        check(&q);
-        quantizable_close(&q);
-    }
-    kit_names_free(names, count);
+    igm_each_flat_manifold(check);
 }
 
 static void shared_models_have_frames(void **state) {
     (void)state;
-    check_folder(kit_shared("data/tet"));
-    check_folder(kit_shared("data/tet-features"));
+    igm_each_file(kit_shared("data/tet"), check);
+    igm_each_file(kit_shared("data/tet-features"), check);
 }
 
 static void damage_is_found(void **state) {
