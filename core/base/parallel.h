@@ -1,4 +1,4 @@
-/* Work on the items 0..count-1 by ctx->threads threads, each on one contiguous range.
+/* Work on the items 0..count-1 by ctx->threads threads, each on one contiguous range, or on pieces as it comes to them.
  *
  * Invariants
  *  1. The outcome does not depend on the number of threads: if ranges fail, the failure of the lowest range is the one reported, and a range stops at
@@ -20,5 +20,8 @@ typedef bw_status bw_parallel_work(bw_context *ctx, size_t begin, size_t end, in
 int bw_parallel_ranges(const bw_context *ctx, size_t count, size_t least);
 /* Runs the work on that many ranges (a number that bw_parallel_ranges gave) and waits for all of them. */
 bw_status bw_parallel(bw_context *ctx, size_t count, int ranges, bw_parallel_work *work, void *user);
+/* For items of unequal cost: pieces of so many consecutive items, the next for the thread that is ready first. `range` is the thread's number, 0..ranges-1;
+ * which pieces it gets is left to chance, so what the work leaves behind must not depend on that. */
+bw_status bw_parallel_pieces(bw_context *ctx, size_t count, size_t piece, int ranges, bw_parallel_work *work, void *user);
 
 #endif

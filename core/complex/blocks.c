@@ -1,4 +1,5 @@
 /* Blocks: cells that no wall separates, laid out in one chart each (MC 4.1). */
+#include "base/parallel.h"
 #include "complex/build.h"
 #include "mesh/walk.h"
 
@@ -49,15 +50,32 @@ static void join(forest *f, bw_block a, bw_block b, const bw_transition *across)
 
 /* Cells with one chart that no wall separates are a set first: cell_block is the parent of each, no higher than itself. Most cells are joined thus,
  * for neighbouring tets mostly have the same chart. */
+static bw_cell parent_of(const bw_block *parent, bw_cell x) { return __atomic_load_n(&parent[x], __ATOMIC_RELAXED); }
+
+/* Makes `low` the parent of a root, unless another thread was faster. */
+static bool take_root(bw_block *parent, bw_cell root, bw_cell low) {
+    return __atomic_compare_exchange_n(&parent[root], &(bw_cell){root}, low, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED);
+}
+
 static bw_cell set_of(bw_block *parent, bw_cell x) {
-    for (; parent[x] != x; x = parent[x]) parent[x] = parent[parent[x]];
+    for (bw_cell up = parent_of(parent, x); up != x;) {
+        bw_cell next = parent_of(parent, up);
+        if (next == up) return up;
+        __atomic_store_n(&parent[x], next, __ATOMIC_RELAXED);
+        x = next, up = parent_of(parent, x);
+    }
     return x;
 }
 
+/* By several threads at a time. What is no root never is one again, and its parents only get lower: whoever loses a race tries again, and the sets and
+ * their lowest cells come out the same in any order. */
 static void unite(bw_block *parent, const bw_cell cell[2]) {
-    bw_cell a = set_of(parent, cell[0]), b = set_of(parent, cell[1]);
-    if (a < b) parent[b] = a;
-    else parent[a] = b;
+    bw_cell low, high = cell[0], other = cell[1];
+    do {
+        bw_cell a = set_of(parent, high), b = set_of(parent, other);
+        if (a == b) return;
+        low = other = a < b ? a : b, high = a < b ? b : a;
+    } while (!take_root(parent, high, low));
 }
 
 /* Whether a polygon joins its cells; `facet` is between them, BW_NONE if they have one chart. */
@@ -67,17 +85,32 @@ static bool joins(const bw_cells *c, bw_polygon p, bw_facet *facet) {
     return bw_cells_polygon_is_leaf(c, p) && !(q->flags & BW_WALL);
 }
 
-static bw_status unite_charts(bw_build *b) {
+static bw_status unite_facets(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const bw_build *b = user;
     const bw_cells *c = b->cells;
-    bw_block *parent = b->complex->cell_block;
+    (void)range;
+    for (size_t f = begin; f < end; f++)
+        if (c->of_facet[f] == BW_NONE && bw_grid_map_same_chart(c->map, (bw_facet)f)) unite(b->complex->cell_block, c->mesh->facet_tet[f]);
+    return bw_poll(ctx);
+}
+
+static bw_status unite_polygons(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const bw_build *b = user;
+    const bw_cells *c = b->cells;
     bw_facet facet;
-    for (size_t i = 0; i < c->cell_count; i++) parent[i] = (bw_block)i;
-    for (size_t f = 0; f < c->mesh->facet_count; f++)
-        if (c->of_facet[f] == BW_NONE && bw_grid_map_same_chart(c->map, (bw_facet)f)) unite(parent, c->mesh->facet_tet[f]);
-    bw_status status = bw_poll(b->ctx);
-    for (size_t p = 0; p < c->polygon_count; p++)
-        if (joins(c, (bw_polygon)p, &facet) && facet == BW_NONE) unite(parent, c->polygon[p].cell);
-    return status == BW_OK ? bw_poll(b->ctx) : status;
+    (void)range;
+    for (size_t p = begin; p < end; p++)
+        if (joins(c, (bw_polygon)p, &facet) && facet == BW_NONE) unite(b->complex->cell_block, c->polygon[p].cell);
+    return bw_poll(ctx);
+}
+
+static bw_status unite_charts(bw_build *b) {
+    enum { PIECE = 16384 }; /* fewer items are not worth a thread */
+    size_t facets = b->cells->mesh->facet_count, polygons = b->cells->polygon_count;
+    for (size_t i = 0; i < b->cells->cell_count; i++) b->complex->cell_block[i] = (bw_block)i;
+    bw_status status = bw_parallel(b->ctx, facets, bw_parallel_ranges(b->ctx, facets, PIECE), unite_facets, b);
+    if (status != BW_OK) return status;
+    return bw_parallel_pieces(b->ctx, polygons, PIECE, bw_parallel_ranges(b->ctx, polygons, PIECE), unite_polygons, b);
 }
 
 /* Numbers the charts by their lowest cells. */

@@ -1,6 +1,5 @@
 /* Patches: maximal coplanar wall pieces between arcs (MC 4.1), and which block is on which side of each. */
-#include <string.h>
-
+#include "base/parallel.h"
 #include "complex/build.h"
 #include "mesh/walk.h"
 
@@ -24,6 +23,31 @@ static int slot_beside(const bw_build *b, bw_polygon p, bw_cedge e, bw_polygon q
     return inside ? slot : !slot;
 }
 
+/* Tells the processor what looking at a polygon's edges will need: the polygons across, and what is known of them. */
+static void fetch_neighbours(const bw_build *b, bw_polygon p) {
+    const bw_cells *c = b->cells;
+    bw_half h = c->polygon[p].half;
+    do {
+        bw_build_edge e = b->edge[c->half[h].edge];
+        h = c->half[h].next;
+        if ((e & 3) != BW_EDGE_FLAT) continue;
+        bw_polygon q = (bw_polygon)(e >> 2) ^ p;
+        __builtin_prefetch(&c->polygon[q]);
+        __builtin_prefetch(&b->polygon_patch[q]);
+        __builtin_prefetch(&b->polygon_side[q]);
+        __builtin_prefetch(&b->polygon_slot[q]);
+    } while (h != c->polygon[p].half);
+}
+
+static void fetch_edges(const bw_build *b, bw_polygon p) {
+    const bw_cells *c = b->cells;
+    bw_half h = c->polygon[p].half;
+    do {
+        __builtin_prefetch(&b->edge[c->half[h].edge]);
+        h = c->half[h].next;
+    } while (h != c->polygon[p].half);
+}
+
 /* Grows a patch from one polygon across the edges that are no arcs, each between two wall polygons, keeping its two sides apart. */
 static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *list, size_t *count) {
     const bw_cells *c = b->cells;
@@ -34,7 +58,9 @@ static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *
     for (; at < *count; at++) {
         bw_polygon p = list[at];
         if (at + 8 < *count) __builtin_prefetch(&c->polygon[list[at + 8]]);
-        if (at + 4 < *count) __builtin_prefetch(&c->half[c->polygon[list[at + 4]].half]);
+        if (at + 6 < *count) __builtin_prefetch(&c->half[c->polygon[list[at + 6]].half]);
+        if (at + 4 < *count) fetch_edges(b, list[at + 4]);
+        if (at + 2 < *count) fetch_neighbours(b, list[at + 2]);
         bw_half h = c->polygon[p].half;
         do {
             bw_cedge e = c->half[h].edge;
@@ -50,7 +76,13 @@ static bw_status grow(bw_build *b, bw_polygon seed, bw_patch patch, bw_polygon *
     return bw_poll(b->ctx);
 }
 
-static bw_status describe(bw_build *b, bw_patch patch) {
+static void fetch_blocks(const bw_build *b, bw_polygon p) {
+    const bw_cell_polygon *q = &b->cells->polygon[p];
+    for (int s = 0; s < 2 && q->cell[s] != BW_NONE; s++) __builtin_prefetch(&b->complex->cell_block[q->cell[s]]);
+    if (q->burnt != BW_NONE) __builtin_prefetch(&b->cells->distance[q->burnt]);
+}
+
+static bw_status describe(bw_context *ctx, const bw_build *b, bw_patch patch) {
     const bw_cells *c = b->cells;
     bw_complex *x = b->complex;
     const bw_polygon *list = &x->patch_polygon[x->patch_polygon_begin[patch]];
@@ -58,6 +90,8 @@ static bw_status describe(bw_build *b, bw_patch patch) {
     x->patch_distance[patch] = INT64_MAX;
     for (size_t i = 0; i < n; i++) {
         const bw_cell_polygon *q = &c->polygon[list[i]];
+        if (i + 16 < n) __builtin_prefetch(&c->polygon[list[i + 16]]);
+        if (i + 8 < n) fetch_blocks(b, list[i + 8]);
         int64_t distance = bw_cells_distance(c, list[i]);
         if (distance < x->patch_distance[patch]) x->patch_distance[patch] = distance;
         if (q->flags & BW_BOUNDARY) x->patch_flags[patch] |= BW_PATCH_BOUNDARY;
@@ -69,10 +103,17 @@ static bw_status describe(bw_build *b, bw_patch patch) {
             uint8_t side = block == BW_NONE ? 0 : b->polygon_side[list[i]][slot];
             if (i == 0) x->patch_block[patch][s] = block, x->patch_side[patch][s] = side;
             else if (x->patch_block[patch][s] != block || x->patch_side[patch][s] != side)
-                return bw_fail(b->ctx, BW_E_CHECK, "patch %d is not flat: its polygons lie in different sides of block %d", patch, block);
+                return bw_fail(ctx, BW_E_CHECK, "patch %d is not flat: its polygons lie in different sides of block %d", patch, block);
         }
     }
     return BW_OK;
+}
+
+static bw_status describe_patches(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    bw_status status = BW_OK;
+    (void)range;
+    for (size_t p = begin; p < end && status == BW_OK; p++) status = describe(ctx, user, (bw_patch)p);
+    return status;
 }
 
 bw_status bw_build_patches(bw_build *b) {
@@ -97,7 +138,6 @@ bw_status bw_build_patches(bw_build *b) {
     x->patch_low = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_low);
     x->patch_distance = bw_alloc(b->ctx, x->patch_count, sizeof *x->patch_distance);
     x->patch_flags = bw_alloc(b->ctx, x->patch_count, 1);
-    status = b->ctx->error.status;
-    for (size_t p = 0; p < x->patch_count && status == BW_OK; p++) status = describe(b, (bw_patch)p);
-    return status;
+    int ranges = bw_parallel_ranges(b->ctx, walls, 16384);
+    return bw_parallel_pieces(b->ctx, x->patch_count, 1, ranges, describe_patches, b);
 }

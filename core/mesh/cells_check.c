@@ -5,6 +5,7 @@
 #include "mesh/cells.h"
 
 enum { IN_RING = 1, IN_CYCLE = 2 };
+enum { PIECE = 2048 }; /* items that a thread takes at a time: what was cut lies together, so their cost differs */
 /* A cell, gathered from all over the memory once. Everything is in the order of its polygons. */
 typedef struct {
     bw_polygon polygon;
@@ -53,6 +54,82 @@ static bw_status violated(bw_context *ctx, const char *what, int64_t id) {
     return bw_fail(ctx, BW_E_CHECK, "cell complex: %s (%lld)", what, (long long)id);
 }
 
+/* ---- fetching ------------------------------------------------------------------------------------------------------ */
+
+/* What is checked lies all over the memory, in chains: each item tells where the next is. So a bundle of chains is followed at once before it is looked
+ * at, one step of each in turn, and the processor fetches them side by side. Nothing is decided here; a chain that is too long is left early. */
+enum { BUNDLE = 16, CHAINS = 8 * BUNDLE, STEPS = 16 };
+
+typedef enum { ALONG_RING, ALONG_CYCLE } along;
+
+/* Chains of half-edges, whose first are on their way, until they close; and, of polygons, the edges or the vertices. */
+static void fetch_halves(const bw_cells *c, const bw_half *first, size_t count, along way, bool edges) {
+    bw_half at[CHAINS], head[CHAINS];
+    memcpy(at, first, count * sizeof *at), memcpy(head, first, count * sizeof *head);
+    for (int step = 0; step < STEPS && count; step++) {
+        size_t open = 0;
+        for (size_t i = 0; i < count; i++) {
+            const bw_cell_half *h = &c->half[at[i]];
+            if (way == ALONG_CYCLE && edges) __builtin_prefetch(&c->edge[h->edge]);
+            if (way == ALONG_CYCLE && !edges) __builtin_prefetch(&c->vertex[h->origin]);
+            bw_half next = way == ALONG_RING ? h->radial : h->next;
+            if (next == head[i]) continue;
+            __builtin_prefetch(&c->half[next]);
+            at[open] = next, head[open++] = head[i];
+        }
+        count = open;
+    }
+}
+
+/* A bundle of edges from e on. */
+static void fetch_rings(const bw_cells *c, size_t e, size_t end) {
+    bw_half first[BUNDLE];
+    size_t count = 0;
+    for (; e < end && count < BUNDLE; e++) {
+        if (!bw_cells_edge_is_leaf(c, (bw_cedge)e)) continue;
+        first[count++] = c->edge[e].half;
+        __builtin_prefetch(&c->half[c->edge[e].half]);
+    }
+    fetch_halves(c, first, count, ALONG_RING, false);
+}
+
+static void fetch_polygons(const bw_cells *c, size_t p, size_t end) {
+    bw_half first[BUNDLE];
+    size_t count = 0;
+    for (; p < end && count < BUNDLE; p++) {
+        if (!bw_cells_polygon_is_leaf(c, (bw_polygon)p)) continue;
+        first[count++] = c->polygon[p].half;
+        __builtin_prefetch(&c->half[c->polygon[p].half]);
+    }
+    fetch_halves(c, first, count, ALONG_CYCLE, true);
+}
+
+/* Opened cells: their lists, polygons, half-edges and vertices. */
+static void fetch_cells(const bw_cells *c, const bw_cell *cell, size_t count) {
+    bw_polygon at[BUNDLE];
+    bw_cell of[BUNDLE];
+    bw_half first[CHAINS];
+    size_t halves = 0;
+    for (size_t i = 0; i < count; i++) {
+        at[i] = c->list[cell[i]], of[i] = cell[i];
+        __builtin_prefetch(&c->polygon[at[i]]);
+    }
+    while (count && halves + count <= CHAINS) {
+        size_t open = 0;
+        for (size_t i = 0; i < count; i++) {
+            const bw_cell_polygon *p = &c->polygon[at[i]];
+            bool leaf = p->half != BW_NONE;
+            bw_polygon next = p->in_cell[leaf && p->cell[0] != of[i]];
+            if (leaf) first[halves++] = p->half, __builtin_prefetch(&c->half[p->half]);
+            if (next == BW_NONE) continue;
+            __builtin_prefetch(&c->polygon[next]);
+            at[open] = next, of[open++] = of[i];
+        }
+        count = open;
+    }
+    fetch_halves(c, first, halves, ALONG_CYCLE, false);
+}
+
 /* ---- edges and polygons -------------------------------------------------------------------------------------------- */
 
 static bw_status check_ring(bw_context *ctx, const checker *k, bw_cedge e) {
@@ -71,8 +148,10 @@ static bw_status check_rings(bw_context *ctx, size_t begin, size_t end, int rang
     const checker *k = user;
     bw_status status = BW_OK;
     (void)range;
-    for (size_t e = begin; e < end && status == BW_OK; e++)
+    for (size_t e = begin; e < end && status == BW_OK; e++) {
+        if ((e - begin) % BUNDLE == 0) fetch_rings(k->c, e, end);
         if (bw_cells_edge_is_leaf(k->c, (bw_cedge)e)) status = check_ring(ctx, k, (bw_cedge)e);
+    }
     return status;
 }
 
@@ -119,8 +198,10 @@ static bw_status check_polygons(bw_context *ctx, size_t begin, size_t end, int r
     const checker *k = user;
     bw_status status = BW_OK;
     (void)range;
-    for (size_t p = begin; p < end && status == BW_OK; p++)
+    for (size_t p = begin; p < end && status == BW_OK; p++) {
+        if ((p - begin) % BUNDLE == 0) fetch_polygons(k->c, p, end);
         if (bw_cells_polygon_is_leaf(k->c, (bw_polygon)p)) status = check_polygon(ctx, k, (bw_polygon)p);
+    }
     return status;
 }
 
@@ -263,15 +344,36 @@ static bw_status check_cell(bw_context *ctx, const checker *k, scratch *s, bw_ce
     return status;
 }
 
+typedef struct {
+    const checker *checker;
+    scratch *scratch;
+    size_t count;
+    bw_cell cell[BUNDLE];
+} bundle;
+
+static bw_status check_bundle(bw_context *ctx, bundle *b) {
+    bw_status status = BW_OK;
+    fetch_cells(b->checker->c, b->cell, b->count);
+    for (size_t i = 0; i < b->count && status == BW_OK; i++) status = check_cell(ctx, b->checker, b->scratch, b->cell[i]);
+    b->count = 0;
+    return status;
+}
+
+static bw_status add_to_bundle(bw_context *ctx, bundle *b, bw_cell cell) {
+    if (!bw_cells_is_open(b->checker->c, cell)) return BW_OK;
+    b->cell[b->count++] = cell;
+    return b->count == BUNDLE ? check_bundle(ctx, b) : BW_OK;
+}
+
 static bw_status check_tets(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
     checker *k = user;
+    bundle b = {.checker = k, .scratch = &k->range[range]};
     bw_status status = BW_OK;
     for (size_t t = begin; t < end && status == BW_OK; t++) {
-        if (bw_cells_is_open(k->c, (bw_cell)t)) status = check_cell(ctx, k, &k->range[range], (bw_cell)t);
-        for (uint32_t i = k->begin[t]; i < k->begin[t + 1] && status == BW_OK; i++)
-            if (bw_cells_is_open(k->c, k->cut[i])) status = check_cell(ctx, k, &k->range[range], k->cut[i]);
+        status = add_to_bundle(ctx, &b, (bw_cell)t);
+        for (uint32_t i = k->begin[t]; i < k->begin[t + 1] && status == BW_OK; i++) status = add_to_bundle(ctx, &b, k->cut[i]);
     }
-    return status;
+    return status == BW_OK ? check_bundle(ctx, &b) : status;
 }
 
 static bw_status sort_by_tet(bw_context *ctx, checker *k) {
@@ -315,26 +417,26 @@ static bw_status check_cells(bw_context *ctx, checker *k, int ranges) {
         size_t room = 1;
         while (room < need) room *= 2;
         status = make_room(ctx, k, ranges, room);
-        if (status == BW_OK) status = bw_parallel(ctx, tets, ranges, check_tets, k);
+        if (status == BW_OK) status = bw_parallel_pieces(ctx, tets, PIECE, ranges, check_tets, k);
         for (int i = 0; i < ranges; i++)
             if (k->range[i].most > need) need = k->range[i].most;
     }
     return status;
 }
 
+static bw_status check_all(bw_context *ctx, checker *k, size_t count, bw_parallel_work *check) {
+    return bw_parallel_pieces(ctx, count, PIECE, bw_parallel_ranges(ctx, count, PIECE), check, k);
+}
+
 bw_status bw_cells_check(bw_context *ctx, const bw_cells *cells) {
-    enum { LEAST = 2048 }; /* fewer items are not worth a thread */
     checker k = {.c = cells, .half_seen = bw_alloc(ctx, cells->half_count, 1)};
     bw_status status = ctx->error.status;
-    if (status == BW_OK)
-        status = bw_parallel(ctx, cells->edge_count, bw_parallel_ranges(ctx, cells->edge_count, LEAST), check_rings, &k);
-    if (status == BW_OK)
-        status = bw_parallel(ctx, cells->polygon_count, bw_parallel_ranges(ctx, cells->polygon_count, LEAST), check_polygons, &k);
+    if (status == BW_OK) status = check_all(ctx, &k, cells->edge_count, check_rings);
+    if (status == BW_OK) status = check_all(ctx, &k, cells->polygon_count, check_polygons);
     bw_free(ctx, k.half_seen);
-    size_t facets = cells->mesh->facet_count;
-    if (status == BW_OK) status = bw_parallel(ctx, facets, bw_parallel_ranges(ctx, facets, LEAST), check_facets, &k);
+    if (status == BW_OK) status = check_all(ctx, &k, cells->mesh->facet_count, check_facets);
     if (status == BW_OK) status = sort_by_tet(ctx, &k);
-    int ranges = bw_parallel_ranges(ctx, cells->mesh->tet_count, LEAST);
+    int ranges = bw_parallel_ranges(ctx, cells->mesh->tet_count, PIECE);
     if (status == BW_OK) status = check_cells(ctx, &k, ranges);
     bw_free(ctx, k.begin), bw_free(ctx, k.cut);
     clear_room(ctx, &k, ranges);

@@ -1,4 +1,4 @@
-/* Work by ranges covers every item once, and fails as one thread would. */
+/* Work by ranges or pieces covers every item once, and fails as one thread would. */
 #include "kit/kit.h"
 
 #include <stdio.h>
@@ -33,7 +33,8 @@ static void every_item_is_visited_once(void **state) {
         memset(&w, 0, sizeof w);
         w.bad[0] = w.bad[1] = ITEMS;
         kit_expect_ok(&ctx, bw_parallel(&ctx, ITEMS, bw_parallel_ranges(&ctx, ITEMS, 100), visit, &w));
-        for (size_t i = 0; i < ITEMS; i++) assert_int_equal(w.done[i], 1);
+        kit_expect_ok(&ctx, bw_parallel_pieces(&ctx, ITEMS, 64, bw_parallel_ranges(&ctx, ITEMS, 100), visit, &w));
+        for (size_t i = 0; i < ITEMS; i++) assert_int_equal(w.done[i], 2);
         assert_int_equal(ctx.memory.used, 0);
     }
 }
@@ -47,12 +48,16 @@ static void the_failure_of_the_lowest_item_is_reported(void **state) {
         for (int i = 0; i < 2; i++) w.bad[i] = kit_random_below(&random, ITEMS);
         char expected[40];
         snprintf(expected, sizeof expected, "item %zu", w.bad[0] < w.bad[1] ? w.bad[0] : w.bad[1]);
-        bw_context ctx;
-        bw_context_init(&ctx);
-        ctx.threads = 1 + round % 8;
-        kit_expect_status(&ctx, bw_parallel(&ctx, ITEMS, bw_parallel_ranges(&ctx, ITEMS, 1), visit, &w), BW_E_CHECK);
-        assert_string_equal(ctx.error.message, expected);
-        assert_int_equal(ctx.memory.used, 0);
+        for (size_t piece = 0; piece < 200; piece += 99) {
+            bw_context ctx;
+            bw_context_init(&ctx);
+            ctx.threads = 1 + round % 8;
+            int ranges = bw_parallel_ranges(&ctx, ITEMS, 1);
+            bw_status status = piece ? bw_parallel_pieces(&ctx, ITEMS, piece, ranges, visit, &w) : bw_parallel(&ctx, ITEMS, ranges, visit, &w);
+            kit_expect_status(&ctx, status, BW_E_CHECK);
+            assert_string_equal(ctx.error.message, expected);
+            assert_int_equal(ctx.memory.used, 0);
+        }
     }
 }
 
