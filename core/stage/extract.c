@@ -2,21 +2,14 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #include "hex/blockfill.h"
 #include "hex/extract.h"
 #include "hex/label.h"
 #include "hex/topology.h"
 
-static double seconds_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static double seconds_since(double *since) {
-    double now = seconds_now(), passed = now - *since;
+    double now = bw_seconds_now(), passed = now - *since;
     *since = now;
     return passed;
 }
@@ -41,7 +34,7 @@ static bw_status from_blocks(bw_context *ctx, const bw_hex_plan *plan, bw_hex_me
 
 static bw_status from_map(bw_context *ctx, const bw_hex_plan *plan, const bw_igm *igm, uint64_t most, bw_hex_mesh *hex, bw_report *report) {
     bw_hex_origin origin;
-    double since = seconds_now();
+    double since = bw_seconds_now();
     bw_status status = bw_hex_extract(ctx, igm, plan->subdivide, most, hex, &origin);
     report->extract.seconds = seconds_since(&since);
     bw_hex_origin_clear(ctx, &origin);
@@ -77,13 +70,13 @@ static bw_status check_topology(bw_context *ctx, const bw_tet_mesh *mesh, const 
 static bw_status make(bw_context *ctx, const bw_extract_input *in, int32_t subdivide, uint64_t most, bw_hex_mesh *hex, bw_report *report) {
     const bw_igm *igm = in->igm;
     bw_hex_plan plan;
-    double since = seconds_now();
+    double since = bw_seconds_now();
     bw_status status = bw_hex_plan_init(ctx, in->cells, in->complex, in->length, subdivide, &plan);
     if (status == BW_OK) status = check_limit(ctx, &plan, most);
     if (status == BW_OK && igm) status = from_map(ctx, &plan, igm, most, hex, report);
     else if (status == BW_OK) status = from_blocks(ctx, &plan, hex), report->extract.seconds = seconds_since(&since);
     bw_progress(ctx, 0.6);
-    since = seconds_now();
+    since = bw_seconds_now();
     if (status == BW_OK) status = bw_poll(ctx);
     if (status == BW_OK) status = bw_hex_mesh_check(ctx, hex);
     if (status == BW_OK) status = check_blocks(ctx, &plan, hex);

@@ -368,7 +368,7 @@ static void the_check_notices_every_kind_of_damage(void **state) {
 }
 
 static bw_status write_small(bw_context *ctx, void *user) {
-    const bw_cells *cells = user;
+    bw_cells *cells = user;
     bw_traced_counts counts;
     size_t inside;
     return write_traced(ctx, cells, kit_temp_path("small.hexex"), &counts, &inside);
