@@ -33,7 +33,7 @@ static void finish(bw_context *ctx, fixture *f) {
 static bw_plane random_plane(bw_context *ctx, bw_cells *c, bw_cell cell, kit_random *random) {
     if ((size_t)cell < c->mesh->tet_count) kit_expect_ok(ctx, bw_cells_open(ctx, c, cell));
     bw_tet tet = bw_cells_tet(c, cell);
-    bw_half h = c->polygon[c->list[cell]].half;
+    bw_half h = c->polygon[bw_cells_first_in_cell(c, cell)].half;
     for (uint64_t steps = kit_random_below(random, 4); steps; steps--) h = c->half[h].next;
     int8_t axis = (int8_t)kit_random_below(random, 3);
     bool fraction;
