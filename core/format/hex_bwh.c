@@ -5,7 +5,7 @@
 #include <string.h>
 #include <zlib.h>
 
-#include "format/hex_grid.h"
+#include "hex/grid.h"
 #include "format/output.h"
 
 _Static_assert(FLT_EVAL_METHOD == 0, "predictions are sums of doubles, rounded after each step");

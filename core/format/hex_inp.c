@@ -1,5 +1,5 @@
 /* Abaqus. One element list in the order of the mesh; sets and surfaces name what is in them. */
-#include "format/hex_groups.h"
+#include "hex/groups.h"
 #include "format/hex_write.h"
 #include "format/output.h"
 

@@ -2,7 +2,7 @@
 #ifndef BW_FORMAT_HEX_LINKS_H
 #define BW_FORMAT_HEX_LINKS_H
 
-#include "format/hex_grid.h"
+#include "hex/grid.h"
 
 /* Grid points from `from` to `to` (of block group `group`, both ends included, equal along the normal). Inside: the same points of `other` run from other_from to other_to, and
  * axis i of group runs along axis abs(turn[i]) - 1 of other, backwards if turn[i] < 0. */

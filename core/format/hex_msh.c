@@ -2,7 +2,7 @@
  * vertex held in place. All nodes are listed under one volume, in the order of the mesh; element tags go on from hexes to quads, edges and points. */
 #include <math.h>
 
-#include "format/hex_groups.h"
+#include "hex/groups.h"
 #include "format/hex_write.h"
 #include "format/output.h"
 

@@ -1,6 +1,6 @@
 /* Hexes by block, quads by surface: for formats that list them group by group. */
-#ifndef BW_FORMAT_HEX_GROUPS_H
-#define BW_FORMAT_HEX_GROUPS_H
+#ifndef BW_HEX_GROUPS_H
+#define BW_HEX_GROUPS_H
 
 #include "hex/skin.h"
 

@@ -1,4 +1,4 @@
-#include "format/hex_groups.h"
+#include "hex/groups.h"
 
 static int32_t block_of(const void *mesh, size_t hex) {
     return ((const bw_hex_mesh *)mesh)->block[hex];

@@ -1,4 +1,4 @@
-#include "format/hex_grid.h"
+#include "hex/grid.h"
 
 #include <string.h>
 

@@ -1,8 +1,8 @@
 /* A block of a hex mesh as a grid of vertices: for formats that write blocks as grids. */
-#ifndef BW_FORMAT_HEX_GRID_H
-#define BW_FORMAT_HEX_GRID_H
+#ifndef BW_HEX_GRID_H
+#define BW_HEX_GRID_H
 
-#include "format/hex_groups.h"
+#include "hex/groups.h"
 
 /* Number of a grid point, or of a cell of a grid that has one less along each axis: the first axis fastest. */
 static inline size_t bw_hex_grid_point(const uint32_t n[3], uint32_t x, uint32_t y, uint32_t z) {
