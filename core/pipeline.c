@@ -10,6 +10,7 @@
 #include "format/hex_write.h"
 #include "format/input.h"
 #include "format/state.h"
+#include "hex/trivial.h"
 #include "stage/build.h"
 #include "stage/encode.h"
 #include "stage/extract.h"
@@ -49,12 +50,26 @@ static void report_sanitize(bw_report *report, const bw_sanitize_report *found) 
     memcpy(report->sanitize.repaired.places, found->regions, sizeof found->regions);
 }
 
+/* Hexes become tets with an exact map. */
+static bw_status take_hexes(bw_context *ctx, bw_state *state, bool *mirrored) {
+    bw_trivial_report found;
+    state->has_source = true;
+    bw_status status = bw_trivial_map(ctx, &state->mesh, &state->map, &state->source, &state->source_vertex, &found);
+    state->report.input.hexes = state->source.hex_count;
+    if (found.centred) bw_log(ctx, "%zu hexes and %zu of their faces are split from their centres", found.centred, found.crossed);
+    *mirrored = found.mirrored;
+    return status;
+}
+
 static bw_status run_sanitize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bw_sanitize_report found;
+    bool hexes = state->mesh.hex_count > 0, mirrored = false;
+    if (hexes && take_hexes(ctx, state, &mirrored) != BW_OK) return ctx->error.status;
     bw_sanitize_options how = {options->tolerance, options->repair};
     bw_status status = bw_sanitize(ctx, &how, &state->mesh, &state->map, &found);
     if (state->mesh.facet_tet) bw_report_fill_input(&state->report, &state->mesh);
+    state->report.input.mirrored |= mirrored;
     if (status != BW_OK) return status;
     bw_report_fill_singular(&state->report, &state->mesh, &state->map);
     report_sanitize(&state->report, &found);
@@ -187,7 +202,8 @@ static bw_status run_reparametrize(bw_context *ctx, const bw_options *options, b
 
 static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    if (!state->length) return BW_OK;
+    if (state->has_source && bw_extract_labels(ctx, &state->cells, &state->complex, &state->source, &state->report)) return ctx->error.status;
+    if (!state->length) return state->has_source ? bw_extract_finish(ctx, &state->mesh, state->map.edge_flags, false, &state->source, &state->report) : BW_OK;
     bw_extract_options how = {options->subdivide, options->max_hexes};
     const bw_tet_mesh *mesh = state->has_igm ? &state->igm.mesh : &state->mesh;
     const uint8_t *flags = state->has_igm ? state->igm.map.edge_flags : state->map.edge_flags;
@@ -199,7 +215,7 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    bw_encode_options how = {options->vtk, options->hex_formats, state->has_igm ? &state->igm : NULL};
+    bw_encode_options how = {options->vtk, options->hex_formats, state->has_igm ? &state->igm : NULL, state->has_source ? &state->source : NULL, state->source_vertex};
     const bw_hex_mesh *hex = state->has_hex ? &state->hex : NULL;
     return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, hex, &how, &state->report, out);
 }
@@ -210,14 +226,14 @@ static const struct {
     int version;
     stage_run *run;
 } stages[BW_STAGE_COUNT] = {
-    [BW_STAGE_SANITIZE] = {"sanitize", 5, run_sanitize},
+    [BW_STAGE_SANITIZE] = {"sanitize", 6, run_sanitize},
     [BW_STAGE_TRACE] = {"trace", 9, run_trace},
     [BW_STAGE_BUILD] = {"build", 10, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 2, run_reparametrize},
-    [BW_STAGE_EXTRACT] = {"extract", 4, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 9, run_encode},
+    [BW_STAGE_EXTRACT] = {"extract", 5, run_extract},
+    [BW_STAGE_ENCODE] = {"encode", 10, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }

@@ -9,15 +9,23 @@
  * type. */
 #define BW_INPUT_VERTICES_MAX ((int64_t)INT32_MAX)
 #define BW_INPUT_TETS_MAX ((int64_t)1 << 28)
+#define BW_INPUT_HEXES_MAX ((int64_t)1 << 25)
 #define BW_INPUT_CELLS_MAX ((int64_t)1 << 30) /* elements of every kind, lower-dimensional ones included */
 
 typedef struct {
-    size_t room[3];
+    size_t room[4];
 } bw_input_room;
 
-/* Adds a feature vertex, edge or facet (1, 2 or 3 corners) at the end of its list. */
+/* Adds a feature vertex, edge, facet or quad (1 to 4 corners) at the end of its list. */
 bw_status bw_input_add_feature(bw_context *ctx, bw_tet_mesh *mesh, bw_input_room *room, int corners,
                                const bw_vertex *corner);
+
+/* Turns the corners of a hex as most formats list them, around the low face, then around the high one, to those by bits (hex/hexmesh.h). */
+void bw_input_from_ring(bw_vertex hex[8]);
+
+/* Refuses a mesh that has no cells, or both tets and hexes, and features that are no face of its cells. `place`: what errors tell. BW_E_EMPTY, BW_E_SYNTAX
+ * with the first hex, BW_E_INDEX. */
+bw_status bw_input_check_cells(bw_scan *place, const bw_tet_mesh *mesh);
 
 /* Among arrays (fields, properties) that could be the parametrization, the one to take: the one with the best
  * name (parametrization, uvw, param; letters of either case are the same), or the only one. -1: none, -2:

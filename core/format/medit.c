@@ -13,11 +13,16 @@ typedef enum {
     TETRAHEDRA,
     EDGES,
     TRIANGLES,
+    QUADRILATERALS,
+    HEXAHEDRA,
+    PRISMS,
+    PYRAMIDS,
     CORNERS,
     REQUIRED_VERTICES,
     RIDGES,
     REQUIRED_EDGES,
     REQUIRED_TRIANGLES,
+    REQUIRED_QUADRILATERALS,
     END,
     SECTIONS
 } section;
@@ -30,11 +35,16 @@ static const struct {
                         [TETRAHEDRA] = {"Tetrahedra", 8},
                         [EDGES] = {"Edges", 5},
                         [TRIANGLES] = {"Triangles", 6},
+                        [QUADRILATERALS] = {"Quadrilaterals", 7},
+                        [HEXAHEDRA] = {"Hexahedra", 10},
+                        [PRISMS] = {"Prisms", 9},
+                        [PYRAMIDS] = {"Pyramids", 49},
                         [CORNERS] = {"Corners", 13},
                         [REQUIRED_VERTICES] = {"RequiredVertices", 15},
                         [RIDGES] = {"Ridges", 14},
                         [REQUIRED_EDGES] = {"RequiredEdges", 16},
                         [REQUIRED_TRIANGLES] = {"RequiredTriangles", 17},
+                        [REQUIRED_QUADRILATERALS] = {"RequiredQuadrilaterals", 18},
                         [END] = {"End", 54}};
 
 /* A list of numbers into the vertices, edges or triangles. */
@@ -51,7 +61,8 @@ typedef struct {
     bool seen[SECTIONS];
     bw_vertex (*edge)[2];
     bw_vertex (*triangle)[3];
-    size_t edge_count, triangle_count;
+    bw_vertex (*quad)[4];
+    size_t edge_count, triangle_count, quad_count;
     marks mark[SECTIONS];
 } reader;
 
@@ -123,7 +134,7 @@ static bw_status read_vertices(reader *r, int64_t count) {
     return status;
 }
 
-/* Tets, triangles or edges: `corners` vertices and a reference each. */
+/* Cells, faces or edges: `corners` vertices and a reference each. */
 static bw_status read_elements(reader *r, const char *kind, const char *plural, int corners, int64_t count,
                                int64_t most, bw_vertex **list) {
     bw_status status = bw_scan_count(&r->scan, plural, count, most, (uint64_t)(corners + 1) * number_size(r));
@@ -155,6 +166,12 @@ static bw_status read_marks(reader *r, section which, int64_t count) {
     return status;
 }
 
+static bw_status refuse_cells(reader *r, const char *kind, int64_t count) {
+    if (!count) return BW_OK;
+    r->scan.kind = kind, r->scan.record = 0;
+    return bw_scan_fail(&r->scan, BW_E_SYNTAX, "only meshes of tets, or of hexes, are read");
+}
+
 static bw_status read_section(reader *r, section which) {
     int64_t count = 0;
     if (which == END) return BW_OK;
@@ -181,6 +198,19 @@ static bw_status read_section(reader *r, section which) {
     case TRIANGLES:
         status = read_elements(r, "triangle", "triangles", 3, count, INT32_MAX, (bw_vertex **)&r->triangle);
         r->triangle_count = (size_t)count;
+        break;
+    case QUADRILATERALS:
+        status = read_elements(r, "quad", "quads", 4, count, INT32_MAX, (bw_vertex **)&r->quad);
+        r->quad_count = (size_t)count;
+        break;
+    case HEXAHEDRA:
+        status = read_elements(r, "hex", "hexes", 8, count, BW_INPUT_HEXES_MAX, (bw_vertex **)&r->mesh->hex);
+        for (int64_t i = 0; i < count && status == BW_OK; i++) bw_input_from_ring(r->mesh->hex[i]);
+        if (status == BW_OK) r->mesh->hex_count = (size_t)count;
+        break;
+    case PRISMS:
+    case PYRAMIDS:
+        status = refuse_cells(r, which == PRISMS ? "prism" : "pyramid", count);
         break;
     default:
         status = read_marks(r, which, count);
@@ -224,6 +254,8 @@ static bw_status take_all_features(reader *r) {
     if (status == BW_OK)
         status = take_features(r, REQUIRED_TRIANGLES, NO_SECTION, 3, (const bw_vertex *)r->triangle,
                                r->triangle_count);
+    if (status == BW_OK)
+        status = take_features(r, REQUIRED_QUADRILATERALS, NO_SECTION, 4, (const bw_vertex *)r->quad, r->quad_count);
     return status;
 }
 
@@ -328,6 +360,8 @@ static bw_status parse_parameters(bw_tet_mesh *m, bw_scan *s) {
 }
 
 static bw_status read_parameters(reader *r, const void *data, size_t size) {
+    if (r->mesh->hex_count)
+        return !data ? BW_OK : bw_scan_fail(&r->scan, BW_E_PARAMETERS, "a mesh of hexes has no parameters, but a file of them was given");
     if (!data)
         return bw_scan_fail(
             &r->scan, BW_E_PARAMETERS,
@@ -354,14 +388,14 @@ bw_status bw_medit_read_memory(bw_context *ctx, const void *data, size_t size, c
     const char *first = data;
     bool binary = size >= 4 && (!memcmp(first, "\1\0\0\0", 4) || !memcmp(first, "\0\0\0\1", 4));
     bw_status status = binary ? read_binary(&r) : read_text(&r);
-    if (status == BW_OK && !r.seen[TETRAHEDRA])
+    if (status == BW_OK && !r.seen[TETRAHEDRA] && !r.seen[HEXAHEDRA])
         status = bw_scan_fail(&r.scan, BW_E_TRUNCATED, "the input ends without %s",
-                              r.seen[VERTICES] ? "Tetrahedra" : "Vertices");
-    if (status == BW_OK && !mesh->tet_count) status = bw_fail(ctx, BW_E_EMPTY, "the input has no tets");
+                              r.seen[VERTICES] ? "Tetrahedra or Hexahedra" : "Vertices");
     if (status == BW_OK) status = take_all_features(&r);
+    if (status == BW_OK) status = bw_input_check_cells(&r.scan, mesh);
     if (status == BW_OK) status = read_parameters(&r, parameters, parameters_size);
     if (status == BW_OK) bw_progress(ctx, 1);
-    bw_free(ctx, r.edge), bw_free(ctx, r.triangle);
+    bw_free(ctx, r.edge), bw_free(ctx, r.triangle), bw_free(ctx, r.quad);
     for (int i = 0; i < SECTIONS; i++) bw_free(ctx, r.mark[i].item);
     if (status != BW_OK) bw_tet_mesh_clear(ctx, mesh);
     return status;

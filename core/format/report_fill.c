@@ -6,6 +6,7 @@
 
 void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh) {
     report->has_input = true;
+    snprintf(report->input.kind, sizeof report->input.kind, report->input.hexes ? "hex" : "tet");
     report->input.vertices = mesh->vertex_count;
     report->input.tets = mesh->tet_count;
     report->input.facets = mesh->facet_count;

@@ -38,6 +38,8 @@ typedef struct {
 static const field fields[] = {
     INPUT(TEXT, file),
     INPUT(COUNT, bytes),
+    INPUT(TEXT, kind),
+    INPUT(COUNT, hexes),
     INPUT(COUNT, vertices),
     INPUT(COUNT, tets),
     INPUT(COUNT, facets),

@@ -82,10 +82,12 @@ typedef struct {
     struct {
         char file[256]; /* name without its folder; may be empty */
         uint64_t bytes;
+        char kind[4];  /* "tet" or "hex": what the file lists. Of hexes, tets are those that they are split into */
+        uint64_t hexes;
         uint64_t vertices, tets, facets, edges, boundary_facets;
         uint64_t singular_edges, singular_edges_interior, singular_edges_boundary; /* known once sanitized */
         uint64_t feature_vertices, feature_edges, feature_facets;
-        bool mirrored; /* tets are listed negative; traced.hexex keeps that */
+        bool mirrored; /* tets are listed negative; traced.hexex keeps that. Hexes: left-handed, and nothing keeps that */
     } input;
 
     struct {
@@ -143,7 +145,7 @@ typedef struct {
     } reparametrize;
 
     struct { /* the hex mesh */
-        char from[8];      /* "map": read off an integer-grid map; "blocks": filled in block by block */
+        char from[8];      /* "map": read off an integer-grid map; "blocks": filled in block by block; "input": the hexes of the input, labelled */
         uint64_t hexes, vertices;
         uint64_t promised; /* hexes by the quantization; as many, in each block, or the job fails */
         uint64_t subdivide, subdivide_asked; /* hexes along the edge of a unit of the quantization; more than asked for where a mesh needs them to be simple */
@@ -188,8 +190,8 @@ void bw_report_init(bw_report *report);
 void bw_report_add_stage(bw_report *report, const char *name, double seconds, uint64_t peak_bytes);
 void bw_report_add_result(bw_report *report, const char *name, uint64_t bytes);
 
-/* Sections that follow from the data alone. Input: file, bytes and singular edges are left to whoever knows
- * them. O(n). */
+/* Sections that follow from the data alone. Input: file, bytes, hexes and singular edges are left to whoever knows
+ * them, hexes beforehand. O(n). */
 void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh);
 void bw_report_fill_singular(bw_report *report, const bw_tet_mesh *mesh,
                              const bw_grid_map *map); /* into input */

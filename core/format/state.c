@@ -11,9 +11,9 @@ typedef struct {
     uint64_t vertex, tet, facet, edge, wall, feature_vertex, feature_edge, feature_facet;
     uint64_t cell_vertex, cell_edge, cell_half, cell_polygon, cell, distance;
     uint64_t node, arc, patch, block, arc_edge, patch_polygon, patch_chain, block_side, block_edge, chart, torus_splits;
-    uint64_t igm_vertex, igm_tet, igm_facet, igm_edge, igm_feature_vertex, igm_feature_edge, igm_feature_facet, hex_vertex, hex;
+    uint64_t igm_vertex, igm_tet, igm_facet, igm_edge, igm_feature_vertex, igm_feature_edge, igm_feature_facet, hex_vertex, hex, source_vertex, source;
     int64_t exponent, igm_exponent, subdivide;
-    uint8_t mirrored, has_cells, has_complex, has_length, has_igm, has_hex, unused[2];
+    uint8_t mirrored, has_cells, has_complex, has_length, has_igm, has_hex, has_source, source_renumbered;
 } counts;
 
 /* One array of the state: where its pointer is kept, and its shape. */
@@ -25,7 +25,7 @@ typedef struct {
     size_t end;
 } field;
 
-enum { FIELDS_MAX = 96 };
+enum { FIELDS_MAX = 112 };
 
 #define FIELD(tag, pointer, n) list[k++] = (field){tag, (void **)&(pointer), sizeof *(pointer), (size_t)(n), false, 0}
 #define BEGINS(tag, pointer, n, end) list[k++] = (field){tag, (void **)&(pointer), sizeof(size_t), (size_t)(n) + 1, true, (size_t)(end)}
@@ -63,6 +63,18 @@ static size_t describe_hex(bw_hex_mesh *s, const counts *n, field *list) {
     return k;
 }
 
+static size_t describe_source(bw_state *s, const counts *n, field *list) {
+    size_t k = 0;
+    FIELD("source.position", s->source.position, n->source_vertex);
+    FIELD("source.held", s->source.held, n->source_vertex);
+    FIELD("source.carrier", s->source.carrier, n->source_vertex);
+    FIELD("source.corner", s->source.hex, n->source);
+    FIELD("source.block", s->source.block, n->source);
+    FIELD("source.ijk", s->source.ijk, n->source);
+    if (n->source_renumbered) FIELD("source.vertex", s->source_vertex, n->source_vertex);
+    return k;
+}
+
 static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     size_t k = 0;
     FIELD("position", s->mesh.position, n->vertex);
@@ -83,6 +95,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("align", s->map.align, n->facet);
     FIELD("quarters", s->map.quarters, n->edge);
     FIELD("edge.flags", s->map.edge_flags, n->edge);
+    if (n->has_source) k += describe_source(s, n, list + k);
     if (n->has_cells) {
         FIELD("cell.vertex", s->cells.vertex, n->cell_vertex);
         FIELD("cell.edge", s->cells.edge, n->cell_edge);
@@ -148,6 +161,8 @@ static counts count_state(const bw_state *s) {
         n.igm_feature_vertex = g->feature_vertex_count, n.igm_feature_edge = g->feature_edge_count, n.igm_feature_facet = g->feature_facet_count;
         n.igm_exponent = s->igm.map.exponent;
     }
+    if (s->has_source) n.source_vertex = s->source.vertex_count, n.source = s->source.hex_count;
+    n.has_source = s->has_source, n.source_renumbered = s->source_vertex != NULL;
     if (s->has_hex) n.hex_vertex = s->hex.vertex_count, n.hex = s->hex.hex_count, n.subdivide = s->hex.subdivide;
     if (s->has_cells) {
         n.cell_vertex = c->vertex_count, n.cell_edge = c->edge_count, n.cell_half = c->half_count;
@@ -183,6 +198,7 @@ static void set_counts(bw_state *s, const counts *n) {
     g->vertex_count = n->igm_vertex, g->tet_count = n->igm_tet, g->facet_count = n->igm_facet, g->edge_count = n->igm_edge;
     g->feature_vertex_count = n->igm_feature_vertex, g->feature_edge_count = n->igm_feature_edge, g->feature_facet_count = n->igm_feature_facet;
     s->has_igm = n->has_igm, s->igm.map.exponent = (int32_t)n->igm_exponent;
+    s->has_source = n->has_source, s->source.vertex_count = n->source_vertex, s->source.hex_count = n->source, s->source.subdivide = 1;
     s->has_hex = n->has_hex, s->hex.vertex_count = n->hex_vertex, s->hex.hex_count = n->hex, s->hex.subdivide = (int32_t)n->subdivide;
 }
 
@@ -199,8 +215,11 @@ void bw_state_clear(bw_context *ctx, bw_state *state) {
     bw_grid_map_clear(ctx, &state->map);
     bw_tet_mesh_clear(ctx, &state->mesh);
     bw_hex_mesh_clear(ctx, &state->hex);
+    bw_hex_mesh_clear(ctx, &state->source);
+    bw_free(ctx, state->source_vertex);
+    state->source_vertex = NULL;
     bw_igm_clear(ctx, &state->igm);
-    state->has_cells = state->has_complex = state->has_igm = state->has_hex = false;
+    state->has_cells = state->has_complex = state->has_igm = state->has_hex = state->has_source = false;
 }
 
 bw_status bw_state_write(bw_context *ctx, bw_state *state, const char *stage, int version, const char *path) {
@@ -229,6 +248,7 @@ static bool counts_fit(const counts *n) {
     return n->has_cells <= 1 && n->has_complex <= n->has_cells && n->has_length <= n->has_complex &&
            (n->has_cells ? n->cell >= n->tet : !any_cells) && (n->has_complex || !any_complex) &&
            n->has_igm <= n->has_length && n->has_hex <= n->has_length && (n->has_igm || !any_igm) && (n->has_hex || !(n->hex | n->hex_vertex)) &&
+           n->has_source <= 1 && n->source_renumbered <= n->has_source && (n->has_source || !(n->source | n->source_vertex)) &&
            n->exponent == (int32_t)n->exponent && n->igm_exponent == (int32_t)n->igm_exponent && n->subdivide == (int32_t)n->subdivide;
 }
 

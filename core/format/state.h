@@ -1,7 +1,7 @@
 /* The state of a job between two stages, and its file: what one worker leaves for the next.
  *
  * A state grows: after sanitize it holds mesh and map, after trace the cell complex too, after build the block complex too, after quantize
- * integer lengths if they were asked for, then an integer-grid map, after extract its hex mesh; the report always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
+ * integer lengths if they were asked for, then an integer-grid map, after extract its hex mesh; a job of hexahedra keeps those of the input from sanitize on; the report always. The file is a container (container.h) with one section per array; reading copies the arrays into the job's
  * own blocks. State files are written and read by this program only and carry a checksum: once that is right, sizes and
  * offsets are checked all the same, so that reading and writing are safe whatever the file is; what the elements say is trusted.
  *
@@ -22,8 +22,10 @@ typedef struct {
     int64_t *length; /* [arc] integer lengths (stage quantize); NULL: none */
     bw_igm igm;      /* if has_igm */
     bw_hex_mesh hex; /* stage extract; if has_hex */
+    bw_hex_mesh source;        /* the input of a job of hexahedra, whose tets are `mesh` (hex/trivial.h); if has_source. Labelled by stage extract */
+    bw_vertex *source_vertex;  /* [vertex of source] its number in the input; NULL: the same */
     bw_report report;
-    bool has_cells, has_complex, has_igm, has_hex;
+    bool has_cells, has_complex, has_igm, has_hex, has_source;
 } bw_state;
 
 void bw_state_init(bw_state *state);

@@ -79,8 +79,10 @@ static bw_status face_list_init(bw_context *ctx, face_list *l, const bw_hex_mesh
 
 /* ---- invariant 1 ---- */
 
+static void blame(bw_context *ctx, const bw_hex_mesh *mesh, size_t hex) { bw_fail_element(ctx, "hex", (int64_t)hex, mesh->position[mesh->hex[hex][0]]); }
+
 static bw_status fail_hex(bw_context *ctx, const bw_hex_mesh *mesh, size_t hex, const char *what) {
-    bw_fail_element(ctx, "hex", (int64_t)hex, mesh->position[mesh->hex[hex][0]]);
+    blame(ctx, mesh, hex);
     return bw_fail(ctx, BW_E_CHECK, "hex %zu %s", hex, what);
 }
 
@@ -119,6 +121,7 @@ typedef struct {
     int32_t *euler;
     uint8_t *boundary;
     int64_t *piece; /* [8 * hex + corner] union-find */
+    bool input;     /* what is wrong is the fault of a file, and has a status of its own */
 } links;
 
 static int64_t find(int64_t *piece, int64_t i) {
@@ -130,6 +133,33 @@ static void join(int64_t *piece, int64_t i, int64_t j) {
     i = find(piece, i), j = find(piece, j);
     if (i < j) piece[j] = i;
     else piece[i] = j;
+}
+
+/* Whether the faces, known to have the same vertices, are loops in the same sense. */
+static bool same_loop(const bw_hex_mesh *mesh, uint64_t a, uint64_t b) {
+    const uint8_t *p = bw_hex_face_corner[a % 6], *q = bw_hex_face_corner[b % 6];
+    int shift = 0;
+    while (mesh->hex[b / 6][q[shift]] != mesh->hex[a / 6][p[0]]) shift++;
+    for (int i = 1; i < 4; i++)
+        if (mesh->hex[b / 6][q[(shift + i) % 4]] != mesh->hex[a / 6][p[i]]) return false;
+    return true;
+}
+
+static bool same_vertices(const bw_hvertex *a, const bw_hvertex *b) {
+    int found = 0;
+    for (int i = 0; i < 64; i++) found += a[i / 8] == b[i % 8];
+    return found == 8;
+}
+
+/* Refuses `count` faces with the same vertices, known to be no two in opposite senses. */
+static bw_status fail_faces(bw_context *ctx, const bw_hex_mesh *mesh, const face_key *face, size_t count, bool input) {
+    bw_hex a = (bw_hex)(face[0].face / 6), b = (bw_hex)(face[1].face / 6);
+    for (size_t i = 0; i < count; i++) blame(ctx, mesh, face[i].face / 6);
+    if (input && same_vertices(mesh->hex[a], mesh->hex[b])) return bw_fail(ctx, BW_E_DUPLICATE, "hexes %d and %d have the same eight vertices", a, b);
+    if (count > 2) return bw_fail(ctx, input ? BW_E_NONMANIFOLD : BW_E_CHECK, "hex %d shares a face with %zu others", a, count - 1);
+    if (!input || same_loop(mesh, face[0].face, face[1].face))
+        return bw_fail(ctx, input ? BW_E_INVERTED : BW_E_CHECK, "hexes %d and %d are on the same side of the face between them: one of them lists its corners the other way round", a, b);
+    return bw_fail(ctx, BW_E_NONMANIFOLD, "hexes %d and %d share the corners of a face, but not its edges", a, b);
 }
 
 /* Whether the faces, known to have the same vertices, are loops in opposite senses. Joins their corners. */
@@ -152,9 +182,7 @@ static bw_status read_faces(bw_context *ctx, const bw_hex_mesh *mesh, links *l) 
     for (size_t i = 0, j; i < 6 * mesh->hex_count && status == BW_OK; i = j) {
         const face_key *f = list.face + i;
         for (j = i + 1; j < 6 * mesh->hex_count && same_face(f, &list.face[j]);) j++;
-        if (j - i > 2) status = fail_hex(ctx, mesh, f->face / 6, "shares a face with more than one other");
-        else if (j - i == 2 && !join_faces(mesh, f[0].face, f[1].face, l))
-            status = fail_hex(ctx, mesh, f->face / 6, "and another are on the same side of the face between them");
+        if (j - i > 2 || (j - i == 2 && !join_faces(mesh, f[0].face, f[1].face, l))) status = fail_faces(ctx, mesh, f, j - i, l->input);
         for (int k = 0; k < 4; k++) {
             l->euler[f->key[k]]--;
             l->boundary[f->key[k]] |= j - i == 1;
@@ -174,6 +202,13 @@ static bw_status read_edges(bw_context *ctx, const bw_hex_mesh *mesh, links *l) 
     return status;
 }
 
+static bw_status fail_pinched(bw_context *ctx, const bw_hex_mesh *mesh, size_t vertex) {
+    bw_fail_element(ctx, "vertex", (int64_t)vertex, mesh->position[vertex]);
+    for (size_t i = 0; i < 8 * mesh->hex_count; i++)
+        if (mesh->hex[i / 8][i % 8] == (bw_hvertex)vertex) blame(ctx, mesh, i / 8);
+    return bw_fail(ctx, BW_E_NONMANIFOLD, "the hexes around vertex %zu do not form one fan: the mesh is not a manifold there", vertex);
+}
+
 static bw_status judge_links(bw_context *ctx, const bw_hex_mesh *mesh, const links *l) {
     uint8_t *pieces = bw_alloc(ctx, mesh->vertex_count, 1);
     bw_status status = ctx->error.status;
@@ -183,8 +218,10 @@ static bw_status judge_links(bw_context *ctx, const bw_hex_mesh *mesh, const lin
         if (l->piece[i] == (int64_t)i && pieces[v] < 2) pieces[v]++;
     }
     for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++) {
+        if (!pieces[v]) continue; /* in no hex, which an input may have */
         if (pieces[v] != 1 || l->euler[v] != 2 - l->boundary[v])
-            status = fail_vertex(ctx, mesh, v, l->boundary[v] ? "is on the boundary, but its link is no disk" : "has a link that is no sphere");
+            status = l->input ? fail_pinched(ctx, mesh, v) : fail_vertex(ctx, mesh, v, l->boundary[v] ? "is on the boundary, but its link is no disk" : "has a link that is no sphere");
+        else if (l->input) continue;
         else if (mesh->held[v] > BW_HELD_NOT || (l->boundary[v] && mesh->held[v] == BW_HELD_NOT))
             status = fail_vertex(ctx, mesh, v, "is on the boundary, but not held there");
     }
@@ -192,9 +229,9 @@ static bw_status judge_links(bw_context *ctx, const bw_hex_mesh *mesh, const lin
     return status;
 }
 
-static bw_status check_links(bw_context *ctx, const bw_hex_mesh *mesh) {
+static bw_status check_links(bw_context *ctx, const bw_hex_mesh *mesh, bool input) {
     links l = {bw_alloc(ctx, mesh->vertex_count, sizeof *l.euler), bw_alloc(ctx, mesh->vertex_count, 1),
-               bw_alloc(ctx, 8 * mesh->hex_count, sizeof *l.piece)};
+               bw_alloc(ctx, 8 * mesh->hex_count, sizeof *l.piece), input};
     bw_status status = ctx->error.status;
     for (size_t i = 0; i < 8 * mesh->hex_count && status == BW_OK; i++) l.piece[i] = (int64_t)i;
     if (status == BW_OK) status = read_faces(ctx, mesh, &l);
@@ -280,7 +317,21 @@ static bw_status check_boxes(bw_context *ctx, const bw_hex_mesh *mesh) {
 
 bw_status bw_hex_mesh_check(bw_context *ctx, const bw_hex_mesh *mesh) {
     bw_status status = check_corners(ctx, mesh);
-    if (status == BW_OK) status = check_links(ctx, mesh);
+    if (status == BW_OK) status = check_links(ctx, mesh, false);
     if (status == BW_OK) status = check_boxes(ctx, mesh);
     return status;
+}
+
+bw_status bw_hex_mesh_check_input(bw_context *ctx, const bw_hex_mesh *mesh) {
+    size_t bad = 0;
+    for (size_t h = 0; h < mesh->hex_count; h++) {
+        bool repeats = false;
+        for (int i = 0; i < 8; i++)
+            for (int j = 0; j < i; j++) repeats = repeats || mesh->hex[h][i] == mesh->hex[h][j];
+        if (!repeats) continue;
+        bad++;
+        blame(ctx, mesh, h);
+    }
+    if (bad) return bw_fail(ctx, BW_E_DUPLICATE, "%zu hexes repeat a vertex; the first is hex %lld", bad, (long long)ctx->error.elements[0].id);
+    return check_links(ctx, mesh, true);
 }

@@ -1,6 +1,9 @@
 #include "hex/incidence.h"
 
+#include <stdlib.h>
 #include <string.h>
+
+enum { FEW = 64 }; /* items at a vertex, up to which the simplest way is the fastest */
 
 const uint8_t bw_hex_face_corner[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
 const uint8_t bw_hex_edge_corner[12][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {4, 6}, {1, 3}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
@@ -32,18 +35,55 @@ static quad_key key_of(const bw_hvertex *hex, int face) {
     return (quad_key){hex[c[at]], hex[c[at ^ 2]], {a < b ? a : b, a < b ? b : a}};
 }
 
-static void match(const bw_hex_mesh *mesh, const uint32_t *begin, const uint32_t *item, uint32_t *mate) {
-    for (size_t v = 0; v < mesh->vertex_count; v++)
-        for (uint32_t i = begin[v]; i < begin[v + 1]; i++) {
-            uint32_t x = item[i];
-            quad_key key = key_of(mesh->hex[x / 6], (int)(x % 6));
-            for (uint32_t j = i + 1; j < begin[v + 1] && mate[x] == BW_HEX_NO_MATE; j++) {
-                uint32_t y = item[j];
-                quad_key other = key_of(mesh->hex[y / 6], (int)(y % 6));
-                if (mate[y] != BW_HEX_NO_MATE || key.across != other.across || key.side[0] != other.side[0] || key.side[1] != other.side[1]) continue;
-                mate[x] = y, mate[y] = x;
-            }
+static bool same_quad(const quad_key *a, const quad_key *b) { return a->across == b->across && a->side[0] == b->side[0] && a->side[1] == b->side[1]; }
+
+static void match_few(const bw_hex_mesh *mesh, const uint32_t *item, size_t count, uint32_t *mate) {
+    for (size_t i = 0; i < count; i++) {
+        uint32_t x = item[i];
+        quad_key key = key_of(mesh->hex[x / 6], (int)(x % 6));
+        for (size_t j = i + 1; j < count && mate[x] == BW_HEX_NO_MATE; j++) {
+            uint32_t y = item[j];
+            quad_key other = key_of(mesh->hex[y / 6], (int)(y % 6));
+            if (mate[y] != BW_HEX_NO_MATE || !same_quad(&key, &other)) continue;
+            mate[x] = y, mate[y] = x;
         }
+    }
+}
+
+typedef struct {
+    quad_key key;
+    uint32_t item;
+} keyed;
+
+static int by_quad(const void *a, const void *b) {
+    const keyed *x = a, *y = b;
+    if (x->key.across != y->key.across) return x->key.across < y->key.across ? -1 : 1;
+    for (int i = 0; i < 2; i++)
+        if (x->key.side[i] != y->key.side[i]) return x->key.side[i] < y->key.side[i] ? -1 : 1;
+    return (x->item > y->item) - (x->item < y->item);
+}
+
+static bw_status match_many(bw_context *ctx, const bw_hex_mesh *mesh, const uint32_t *item, size_t count, uint32_t *mate) {
+    keyed *list = bw_alloc(ctx, count, sizeof *list);
+    if (!list) return ctx->error.status;
+    for (size_t i = 0; i < count; i++) list[i] = (keyed){key_of(mesh->hex[item[i] / 6], (int)(item[i] % 6)), item[i]};
+    qsort(list, count, sizeof *list, by_quad);
+    for (size_t i = 0; i + 1 < count; i++) {
+        uint32_t x = list[i].item, y = list[i + 1].item;
+        if (mate[x] == BW_HEX_NO_MATE && same_quad(&list[i].key, &list[i + 1].key)) mate[x] = y, mate[y] = x;
+    }
+    bw_free(ctx, list);
+    return BW_OK;
+}
+
+static bw_status match(bw_context *ctx, const bw_hex_mesh *mesh, const uint32_t *begin, const uint32_t *item, uint32_t *mate) {
+    bw_status status = BW_OK;
+    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++) {
+        size_t count = begin[v + 1] - begin[v];
+        if (count <= FEW) match_few(mesh, item + begin[v], count, mate);
+        else status = match_many(ctx, mesh, item + begin[v], count, mate);
+    }
+    return status;
 }
 
 bw_status bw_hex_mates(bw_context *ctx, const bw_hex_mesh *mesh, uint32_t **mate) {
@@ -62,7 +102,7 @@ bw_status bw_hex_mates(bw_context *ctx, const bw_hex_mesh *mesh, uint32_t **mate
     for (uint32_t x = 0; x < count; x++) begin[key_of(mesh->hex[x / 6], (int)(x % 6)).low]++;
     lay_out(begin, mesh->vertex_count);
     for (uint32_t x = count; x-- > 0;) item[--begin[key_of(mesh->hex[x / 6], (int)(x % 6)).low]] = x;
-    match(mesh, begin, item, *mate);
+    status = match(ctx, mesh, begin, item, *mate);
 out:
     bw_free(ctx, begin);
     bw_free(ctx, item);
@@ -78,7 +118,16 @@ static bw_hvertex low_of(const bw_hex_mesh *mesh, uint32_t x, bw_hvertex *high) 
     return a < b ? a : b;
 }
 
+static int ascending(const void *a, const void *b) {
+    const bw_hvertex *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
 static void sort(bw_hvertex *item, uint32_t count) {
+    if (count > FEW) {
+        qsort(item, count, sizeof *item, ascending);
+        return;
+    }
     for (uint32_t i = 1; i < count; i++) {
         bw_hvertex x = item[i];
         uint32_t j = i;

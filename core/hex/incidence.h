@@ -29,7 +29,12 @@ void bw_hex_edges_clear(bw_context *ctx, bw_hex_edges *edges);
 /* The edge between two vertices, in either order; there must be one. */
 static inline uint32_t bw_hex_edges_find(const bw_hex_edges *edges, bw_hvertex a, bw_hvertex b) {
     bw_hvertex low = a < b ? a : b, high = a < b ? b : a;
-    uint32_t e = edges->begin[low];
+    uint32_t e = edges->begin[low], end = edges->begin[low + 1];
+    while (end - e > 16) { /* high[e] <= high < high[end] */
+        uint32_t middle = e + (end - e) / 2;
+        if (edges->high[middle] <= high) e = middle;
+        else end = middle;
+    }
     while (edges->high[e] != high) e++;
     return e;
 }

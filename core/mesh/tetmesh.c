@@ -225,7 +225,7 @@ bw_edge bw_tet_mesh_find_edge(const bw_tet_mesh *mesh, const bw_vertex vertex[2]
 void bw_tet_mesh_clear(bw_context *ctx, bw_tet_mesh *mesh) {
     void *blocks[] = {mesh->position, mesh->tet, mesh->parameter, mesh->tet_id, mesh->tet_facet, mesh->tet_edge,
                       mesh->facet, mesh->facet_tet, mesh->edge, mesh->wall, mesh->wall_distance,
-                      mesh->feature_vertex, mesh->feature_edge, mesh->feature_facet};
+                      mesh->feature_vertex, mesh->feature_edge, mesh->feature_facet, mesh->hex, mesh->feature_quad};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
     memset(mesh, 0, sizeof *mesh);
 }

@@ -28,7 +28,12 @@ typedef struct {
     bw_vertex (*tet)[4];     /* [tet][corner] */
     double (*parameter)[4][3]; /* [tet][corner][axis], as read (nearest doubles); NULL once sanitized */
 
-    bw_tet *tet_id;          /* [tet]: its number in the input */
+    /* An input of hexahedra instead of tets, as read, corners by bits (hex/hexmesh.h): until hex/trivial.h makes tets of it. */
+    size_t hex_count, feature_quad_count;
+    bw_vertex (*hex)[8];
+    bw_vertex (*feature_quad)[4]; /* around */
+
+    bw_tet *tet_id;          /* [tet]: its number in the input; if that is of hexahedra, the number of its hex */
     bw_facet (*tet_facet)[4];
     bw_edge (*tet_edge)[6];
     bw_vertex (*facet)[3];

@@ -11,6 +11,7 @@
 #include "format/blocks_json.h"
 #include "format/constraints_json.h"
 #include "format/igm_hexex.h"
+#include "format/hex_labels.h"
 #include "format/hex_write.h"
 #include "format/sizes_svg.h"
 #include "format/traced.h"
@@ -24,7 +25,8 @@ typedef struct {
     const bw_complex *complex;
     const int64_t *length;
     const bw_igm *igm;
-    const bw_hex_mesh *hex;
+    const bw_hex_mesh *hex, *source;
+    const bw_vertex *source_vertex;
     bw_hex_skin skin;
     bw_hex_format hex_format; /* of the file that is being written */
     bw_report *report;
@@ -78,6 +80,12 @@ static bw_status write_view(encoder *e, const char *path, uint64_t *bytes) {
 
 static bw_status write_hexes(encoder *e, const char *path, uint64_t *bytes) {
     return bw_hex_formats[e->hex_format].write(e->ctx, e->hex, &e->skin, path, bytes);
+}
+
+static bw_status write_labels(encoder *e, const char *path, uint64_t *bytes) { return bw_hex_labels_write(e->ctx, e->source, path, bytes); }
+
+static bw_status write_walls(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_hex_walls_write(e->ctx, e->cells, e->complex, e->source, e->source_vertex, path, bytes);
 }
 
 /* Writes under another name first, so that a file of that name is always whole. */
@@ -212,7 +220,8 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
                     const char *out_dir) {
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
-    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex, .report = report, .folder = out_dir};
+    encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex ? hex : options->source, .source = options->source, .source_vertex = options->source_vertex,
+                 .report = report, .folder = out_dir};
     bw_igm own = {0};
     bw_status status = prepare(&e, cells);
     if (status == BW_OK && hex && length && !e.igm && is_positive(&e)) status = find_block_map(&e, cells, &own);
@@ -223,7 +232,9 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK && length && report->sweep_count) status = write_result(&e, "sizes.svg", write_sizes);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
     if (status == BW_OK && options->vtk) status = write_vtm(&e);
-    if (status == BW_OK && hex) status = write_hex_formats(&e, options->hex_formats);
+    if (status == BW_OK && e.source) status = write_result(&e, "labels.txt", write_labels);
+    if (status == BW_OK && e.source) status = write_result(&e, "walls.txt", write_walls);
+    if (status == BW_OK && e.hex) status = write_hex_formats(&e, options->hex_formats);
     if (status == BW_OK) status = measure_blocks(&e);
     if (status == BW_OK) bw_progress(ctx, 1);
     bw_igm_clear(ctx, &own);

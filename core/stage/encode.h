@@ -6,7 +6,8 @@
  *     sizes.svg      with a table over sizes: its charts                                   (format/sizes_svg.h)
  *     integer_grid.hexex  with an integer-grid map: that, in units of hexes; with a hex mesh from blocks alone: the block-wise map on a refined mesh,
  *                    unless that has more than 300 000 tets                                (format/igm_hexex.h, igm/overlay.h)
- *     hexmesh.*      with a hex mesh: in the formats asked for                             (format/hex_write.h)
+ *     labels.txt, walls.txt  of an input of hexahedra: blocks of its hexes, walls between them (format/hex_labels.h)
+ *     hexmesh.*      with a hex mesh: in the formats asked for; of an input of hexahedra without quantization: that, with its blocks (format/hex_write.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
  * report.json is the pipeline's to write, when the stage's own time is known.
@@ -23,6 +24,8 @@ typedef struct {
     bool vtk;              /* also complex.vtm and its files */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: write hexmesh.<its name> */
     const bw_igm *igm;     /* the integer-grid map; NULL: none. Borrowed */
+    const bw_hex_mesh *source;      /* the hexes of an input of hexahedra, labelled; NULL: the input has tets. Borrowed */
+    const bw_vertex *source_vertex; /* [vertex of source] its number in the input; NULL: the same. Borrowed */
 } bw_encode_options;
 
 /* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality

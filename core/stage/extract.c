@@ -7,6 +7,7 @@
 #include "hex/extract.h"
 #include "hex/label.h"
 #include "hex/topology.h"
+#include "hex/trivial.h"
 
 static double seconds_since(double *since) {
     double now = bw_seconds_now(), passed = now - *since;
@@ -106,6 +107,21 @@ bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extra
     snprintf(report->extract.from, sizeof report->extract.from, "%s", in->igm ? "map" : "blocks");
     report->extract.hexes = hex->hex_count, report->extract.vertices = hex->vertex_count;
     report->extract.subdivide = (uint64_t)hex->subdivide, report->extract.subdivide_asked = (uint64_t)options->subdivide;
+    report->has_extract = true;
+    return BW_OK;
+}
+
+bw_status bw_extract_labels(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_hex_mesh *source, bw_report *report) {
+    double since = bw_seconds_now();
+    bw_status status = bw_trivial_label(ctx, cells, complex, source);
+    if (status == BW_OK) status = bw_trivial_hold(ctx, cells->mesh, cells->map, source);
+    report->extract.seconds_label = seconds_since(&since);
+    if (status == BW_OK) status = bw_hex_mesh_check(ctx, source);
+    report->extract.seconds_check = seconds_since(&since);
+    if (status != BW_OK) return status;
+    snprintf(report->extract.from, sizeof report->extract.from, "input");
+    report->extract.hexes = report->extract.promised = source->hex_count, report->extract.vertices = source->vertex_count;
+    report->extract.subdivide = report->extract.subdivide_asked = 1;
     report->has_extract = true;
     return BW_OK;
 }

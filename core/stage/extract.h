@@ -29,4 +29,8 @@ enum { BW_SUBDIVIDE_SIMPLE = 3 };
  * BW_E_CANCELLED. */
 bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extract_options *options, bw_hex_mesh *hex, bw_report *report);
 
+/* Gives the hexes of an input of hexahedra their blocks and places in them, and what their vertices lie on (hex/trivial.h); proves it. Fills report->extract, which
+ * bw_extract overwrites. BW_E_CHECK, BW_E_MEMORY. */
+bw_status bw_extract_labels(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_hex_mesh *source, bw_report *report);
+
 #endif

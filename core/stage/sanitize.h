@@ -45,7 +45,8 @@ typedef struct {
     bool repair;      /* re-solve where tets are inverted or degenerate and the fix is certain (sanitize_repair.h) */
 } bw_sanitize_options;
 
-/* Requires position, tet and parameter as read. On success `mesh` is connected, its parameters are freed and
+/* Requires position, tet and parameter as read; or, of a map that is made on the grid (hex/trivial.h), ordered tets and map->value, of which everything is derived and
+ * verified just the same. On success `mesh` is connected, its parameters are freed and
  * `map` is complete; on failure both are as far as they got, for their clear functions. If most tets are
  * negative in the parametrization the file lists mirrored tets: corners 2 and 3 of all of them are swapped
  * and mesh->mirrored is set. Errors, with the elements at fault: BW_E_DUPLICATE, BW_E_NONMANIFOLD,
