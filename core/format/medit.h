@@ -1,9 +1,10 @@
-/* Reader of Medit meshes, .mesh (text) and .meshb (binary, versions 1 to 4, either byte order), with a side
- * file of parameters: Medit has no place for values at the corners of tets.
+/* Reader of Medit meshes, .mesh (text) and .meshb (binary, versions 1 to 4, either byte order): of hexes; or of tets with a side
+ * file of parameters, for Medit has no place for values at the corners of tets.
  *
- * Mesh: Dimension 3, Vertices, Tetrahedra; features are Corners and RequiredVertices, Ridges and
- * RequiredEdges (numbers in Edges), RequiredTriangles (numbers in Triangles). What is listed in two of them
- * is one feature, at its first place. Other sections are passed over; reference numbers are read and not
+ * Mesh: Dimension 3, Vertices, Tetrahedra or Hexahedra; features are Corners and RequiredVertices, Ridges and
+ * RequiredEdges (numbers in Edges), RequiredTriangles (numbers in Triangles), RequiredQuadrilaterals (numbers in
+ * Quadrilaterals). What is listed in two of them is one feature, at its first place. Prisms and Pyramids are
+ * refused, other sections are passed over; reference numbers are read and not
  * used. Everything counts from 1.
  *
  * Side file, text:
@@ -16,8 +17,8 @@
  * From # to the end of the line both files may have comments.
  *
  * The input is hostile until read (input_scan.h). Errors, each with its line (byte in .meshb) and the
- * element: as of bw_vtk_read_memory; those of the side file begin with "parameters:". Without a side file
- * (NULL), or with that of another number of tets: BW_E_PARAMETERS. O(bytes).
+ * element: as of bw_vtk_read_memory; those of the side file begin with "parameters:". Tets without a side file
+ * (NULL), or with that of another number of tets, and hexes with one: BW_E_PARAMETERS. O(bytes).
  */
 #ifndef BW_FORMAT_MEDIT_H
 #define BW_FORMAT_MEDIT_H

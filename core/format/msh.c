@@ -26,8 +26,8 @@ typedef struct {
     bool has_names, has_elements;
     group *feature_group, *feature_entity;
     size_t group_count, group_room, entity_count, entity_room;
-    bw_tags nodes, tets;
-    size_t tet_room;
+    bw_tags nodes, cells;
+    size_t cell_room;
     bw_input_room room;
     view *view;
     size_t view_count, view_room;
@@ -249,22 +249,50 @@ static bw_status read_nodes_4(reader *r) {
 
 /* ---- elements ------------------------------------------------------------------------------------------ */
 
+enum { LINE = 1, TRIANGLE = 2, QUAD = 3, TET = 4, HEX = 5, POINT = 15 };
+
+/* 0: a type that is not read. */
 static int corners_of(int64_t type) {
-    return type == 15 ? 1 : type == 1 ? 2 : type == 2 ? 3 : type == 4 ? 4 : 0;
+    static const uint8_t corners[] = {[LINE] = 2, [TRIANGLE] = 3, [QUAD] = 4, [TET] = 4, [HEX] = 8, [POINT] = 1};
+    return type >= 0 && type <= POINT ? corners[type] : 0;
 }
+
+static int dimension_of(int64_t type) { return type == POINT ? 0 : type == LINE ? 1 : type < TET ? 2 : 3; }
 
 static bw_status fail_type(reader *r, int64_t type) {
     return bw_scan_fail(
         &r->scan, BW_E_SYNTAX,
-        "elements of type %lld; only tets (4), triangles (2), lines (1) and points (15) are read",
+        "elements of type %lld; only hexes (5) or tets (4), quads (3), triangles (2), lines (1) and points (15) are read",
         (long long)type);
 }
 
+static bw_status add_tet(reader *r, int64_t tag, const bw_vertex *corner) {
+    bw_tet_mesh *m = r->mesh;
+    if (m->tet_count == (size_t)BW_INPUT_TETS_MAX)
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld tets supported", (long long)BW_INPUT_TETS_MAX);
+    bw_status status = bw_reserve(r->ctx, &m->tet, &r->cell_room, m->tet_count + 1);
+    if (status == BW_OK) status = bw_tags_add(r->ctx, &r->cells, tag);
+    if (status == BW_OK) memcpy(m->tet[m->tet_count++], corner, sizeof *m->tet);
+    return status;
+}
+
+static bw_status add_hex(reader *r, int64_t tag, const bw_vertex *corner) {
+    bw_tet_mesh *m = r->mesh;
+    if (m->hex_count == (size_t)BW_INPUT_HEXES_MAX)
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld hexes supported", (long long)BW_INPUT_HEXES_MAX);
+    bw_status status = bw_reserve(r->ctx, &m->hex, &r->cell_room, m->hex_count + 1);
+    if (status == BW_OK) status = bw_tags_add(r->ctx, &r->cells, tag);
+    if (status != BW_OK) return status;
+    memcpy(m->hex[m->hex_count], corner, sizeof *m->hex);
+    bw_input_from_ring(m->hex[m->hex_count++]);
+    return BW_OK;
+}
+
 /* The nodes of an element. Tags of nodes are size_t in binary files of version 4, int before. */
-static bw_status read_element(reader *r, int corners, int64_t tag, bool feature) {
-    bw_vertex corner[4];
+static bw_status read_element(reader *r, int64_t type, int64_t tag, bool feature) {
+    bw_vertex corner[8];
     bw_status status = BW_OK;
-    for (int i = 0; i < corners && status == BW_OK; i++) {
+    for (int i = 0, corners = corners_of(type); i < corners && status == BW_OK; i++) {
         int64_t node = 0;
         status = r->version_4 ? take_size(r, &node) : take_int(r, &node);
         int64_t index = bw_tags_find(&r->nodes, node);
@@ -273,15 +301,12 @@ static bw_status read_element(reader *r, int corners, int64_t tag, bool feature)
         corner[i] = (bw_vertex)index;
     }
     if (status != BW_OK) return status;
-    if (corners < 4)
-        return feature ? bw_input_add_feature(r->ctx, r->mesh, &r->room, corners, corner) : BW_OK;
-    if (r->mesh->tet_count == (size_t)BW_INPUT_TETS_MAX)
-        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld tets supported",
-                            (long long)BW_INPUT_TETS_MAX);
-    status = bw_reserve(r->ctx, &r->mesh->tet, &r->tet_room, r->mesh->tet_count + 1);
-    if (status == BW_OK) status = bw_tags_add(r->ctx, &r->tets, tag);
-    if (status == BW_OK) memcpy(r->mesh->tet[r->mesh->tet_count++], corner, sizeof corner);
-    return status;
+    if (dimension_of(type) < 3)
+        return feature ? bw_input_add_feature(r->ctx, r->mesh, &r->room, corners_of(type), corner) : BW_OK;
+    if (type == HEX ? r->mesh->tet_count : r->mesh->hex_count)
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "a %s among %s; the cells of a mesh are all of one kind, or it is not read",
+                            type == HEX ? "hex" : "tet", type == HEX ? "tets" : "hexes");
+    return type == HEX ? add_hex(r, tag, corner) : add_tet(r, tag, corner);
 }
 
 /* type, number of elements and of tags before each of them: in text files every element has them of its own
@@ -308,9 +333,8 @@ static bw_status read_elements_2(reader *r) {
         if (status == BW_OK && !corners_of(type)) status = fail_type(r, type);
         if (status == BW_OK) status = bw_scan_count(&r->scan, "tags", tags, INT32_MAX, r->binary ? 4 : 2);
         for (int64_t k = 0; k < tags && status == BW_OK; k++) status = take_int(r, k ? &other : &physical);
-        int corners = corners_of(type);
-        bool feature = !r->has_names || has_group(r->feature_group, r->group_count, corners - 1, physical);
-        if (status == BW_OK) status = read_element(r, corners, tag, feature);
+        bool feature = !r->has_names || has_group(r->feature_group, r->group_count, dimension_of(type), physical);
+        if (status == BW_OK) status = read_element(r, type, tag, feature);
         run--;
     }
     return status;
@@ -331,7 +355,7 @@ static bw_status read_element_block(reader *r, int64_t *done, int64_t total) {
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
         status = bw_scan_record(&r->scan, "element", *done + i);
         if (status == BW_OK) status = take_size(r, &tag);
-        if (status == BW_OK) status = read_element(r, corners, tag, feature);
+        if (status == BW_OK) status = read_element(r, type, tag, feature);
     }
     r->scan.kind = NULL;
     if (status == BW_OK) *done += count;
@@ -354,8 +378,8 @@ static bw_status read_elements(reader *r) {
     if (r->has_elements) return bw_scan_fail(&r->scan, BW_E_SYNTAX, "there are elements already");
     r->has_elements = true;
     bw_status status = r->version_4 ? read_elements_4(r) : read_elements_2(r);
-    if (status == BW_OK && !bw_tags_end(&r->tets, &twice))
-        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "two tets have the tag %lld", (long long)twice);
+    if (status == BW_OK && !bw_tags_end(&r->cells, &twice))
+        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "two cells have the tag %lld", (long long)twice);
     return status == BW_OK ? expect_end(r, "Elements") : status;
 }
 
@@ -435,7 +459,7 @@ static bw_status take_row(reader *r, uint8_t *given) {
     if (status == BW_OK) status = take_int(r, &nodes);
     if (status != BW_OK) return status;
     if (nodes != 4) return pass_values(r, 3 * nodes);
-    int64_t tet = bw_tags_find(&r->tets, tag);
+    int64_t tet = bw_tags_find(&r->cells, tag);
     if (tet < 0)
         return bw_scan_fail(&r->scan, BW_E_INDEX, "there is no tet with the tag %lld", (long long)tag);
     if (given[tet])
@@ -545,7 +569,7 @@ static bw_status read_section(reader *r, bw_word word) {
 
 static void clear(reader *r) {
     bw_free(r->ctx, r->feature_group), bw_free(r->ctx, r->feature_entity), bw_free(r->ctx, r->view);
-    bw_tags_clear(r->ctx, &r->nodes), bw_tags_clear(r->ctx, &r->tets);
+    bw_tags_clear(r->ctx, &r->nodes), bw_tags_clear(r->ctx, &r->cells);
 }
 
 static bw_status read_all(reader *r) {
@@ -561,11 +585,11 @@ static bw_status read_all(reader *r) {
     if (!r->has_elements)
         return bw_scan_fail(&r->scan, BW_E_TRUNCATED, "the input ends without %s",
                             r->mesh->position ? "elements" : "nodes");
-    if (!r->mesh->tet_count) return bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets");
-    void *tets = bw_resize(r->ctx, r->mesh->tet, r->mesh->tet_count, sizeof *r->mesh->tet);
-    if (!tets) return r->ctx->error.status;
-    r->mesh->tet = tets;
-    return read_parameters(r);
+    bw_tet_mesh *m = r->mesh;
+    status = bw_input_check_cells(&r->scan, m);
+    if (status == BW_OK && m->tet_count) status = bw_trim(r->ctx, &m->tet, &r->cell_room, m->tet_count);
+    if (status == BW_OK && m->hex_count) status = bw_trim(r->ctx, &m->hex, &r->cell_room, m->hex_count);
+    return status == BW_OK && m->tet_count ? read_parameters(r) : status;
 }
 
 bw_status bw_msh_read_memory(bw_context *ctx, const void *data, size_t size, bw_tet_mesh *mesh) {

@@ -19,9 +19,9 @@ typedef struct {
     bw_tet_mesh *mesh;
     size_t count[OWNERS];
     bw_vertex (*edge)[2];
-    int32_t (*face)[3];   /* [face]: halfedges */
-    int32_t (*cell)[4];   /* [tet]: halffaces */
-    uint8_t *used;        /* [halfface] by a tet */
+    int32_t (*face)[4];   /* [face]: halfedges; the last one is BW_NONE for a triangle */
+    int32_t (*cell)[6];   /* [cell]: halffaces; a tet has four */
+    uint8_t *used;        /* [halfface] by a cell */
     property *parameters; /* HFProps of type vec3d */
     size_t property_count, property_room;
     bool has_feature[OWNERS];
@@ -79,16 +79,18 @@ static bw_vertex end_of(const reader *r, int32_t halfedge) {
     return r->edge[halfedge >> 1][1 - (halfedge & 1)];
 }
 
-static bw_status read_face(reader *r, int32_t face[3]) {
+static int sides_of(const int32_t face[4]) { return face[3] == BW_NONE ? 3 : 4; }
+
+static bw_status read_face(reader *r, int32_t face[4]) {
     int64_t corners = 0;
     bw_status status = bw_scan_whole(&r->scan, &corners);
-    if (status == BW_OK && corners != 3)
-        status =
-            bw_scan_fail(&r->scan, BW_E_SYNTAX, "%lld corners; only triangles are read", (long long)corners);
-    for (int k = 0; k < 3 && status == BW_OK; k++)
+    if (status == BW_OK && corners != 3 && corners != 4)
+        status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "%lld corners; only triangles and quads are read", (long long)corners);
+    face[3] = BW_NONE;
+    for (int k = 0; k < corners && status == BW_OK; k++)
         status = bw_scan_index(&r->scan, 0, r->count[OF_HALFEDGES], &face[k]);
-    for (int k = 0; k < 3 && status == BW_OK; k++)
-        if (end_of(r, face[k]) != start_of(r, face[(k + 1) % 3]))
+    for (int k = 0; k < corners && status == BW_OK; k++)
+        if (end_of(r, face[k]) != start_of(r, face[(k + 1) % corners]))
             status = bw_scan_fail(&r->scan, BW_E_SYNTAX, "its halfedges are no closed walk");
     return status;
 }
@@ -106,19 +108,18 @@ static bw_status read_faces(reader *r) {
     return status;
 }
 
-/* Corners of a halfface, in its sense. Turned over, it starts at the same vertex. */
-static void corners_of(const reader *r, int32_t halfface, bw_vertex corner[3]) {
+/* Corners of a halfface, in its sense; how many. Turned over, it starts at the same vertex. */
+static int corners_of(const reader *r, int32_t halfface, bw_vertex corner[4]) {
     const int32_t *face = r->face[halfface >> 1];
-    bool over = halfface & 1;
-    corner[0] = start_of(r, face[0]);
-    corner[1] = start_of(r, face[over ? 2 : 1]);
-    corner[2] = start_of(r, face[over ? 1 : 2]);
+    int n = sides_of(face);
+    for (int i = 0; i < n; i++) corner[i] = start_of(r, face[halfface & 1 ? (n - i) % n : i]);
+    return n;
 }
 
 /* The corner of a tet that a halfface of it does not have; -1 unless the others are the halfface's. */
 static int opposite_of(const reader *r, const bw_vertex tet[4], int32_t halfface) {
-    bw_vertex corner[3];
-    corners_of(r, halfface, corner);
+    bw_vertex corner[4];
+    if (corners_of(r, halfface, corner) != 3) return -1;
     int rest = 6;
     for (int i = 0; i < 3; i++) {
         int k = 0;
@@ -131,52 +132,102 @@ static int opposite_of(const reader *r, const bw_vertex tet[4], int32_t halfface
     return rest;
 }
 
-static bw_status read_cell(reader *r, int64_t t) {
-    bw_scan *s = &r->scan;
-    int64_t faces = 0;
-    bw_vertex *tet = r->mesh->tet[t], corner[3];
-    bw_status status = bw_scan_whole(s, &faces);
-    if (status == BW_OK && faces != 4)
-        status = bw_scan_fail(s, BW_E_SYNTAX, "%lld halffaces; only tets are read", (long long)faces);
-    for (int k = 0; k < 4 && status == BW_OK; k++)
-        status = bw_scan_index(s, 0, r->count[OF_HALFFACES], &r->cell[t][k]);
-    for (int k = 0; k < 4 && status == BW_OK; k++) {
-        if (r->used[r->cell[t][k]])
-            status =
-                bw_scan_fail(s, BW_E_SYNTAX, "halfface %d belongs to another tet already", r->cell[t][k]);
-        else
-            r->used[r->cell[t][k]] = 1;
-    }
-    if (status != BW_OK) return status;
-    corners_of(r, r->cell[t][0], tet);
-    corners_of(r, r->cell[t][1], corner);
+static bool make_tet(const reader *r, const int32_t *halfface, bw_vertex tet[4]) {
+    bw_vertex first[4], corner[4];
+    if (corners_of(r, halfface[0], first) != 3 || corners_of(r, halfface[1], corner) != 3) return false;
+    memcpy(tet, first, 3 * sizeof *tet);
     tet[3] = BW_NONE;
     for (int i = 0; i < 3; i++)
         if (corner[i] != tet[0] && corner[i] != tet[1] && corner[i] != tet[2]) tet[3] = corner[i];
     unsigned seen = 0;
     for (int k = 0; k < 4 && tet[3] != BW_NONE; k++) {
-        int opposite = opposite_of(r, tet, r->cell[t][k]);
+        int opposite = opposite_of(r, tet, halfface[k]);
         if (opposite >= 0) seen |= 1u << opposite;
     }
-    return seen == 15 ? BW_OK : bw_scan_fail(s, BW_E_SYNTAX, "its halffaces are not the four sides of a tet");
+    return seen == 15;
+}
+
+/* Where `from` is followed by `to` in a loop of four; -1: nowhere. */
+static int step_in(const bw_vertex loop[4], bw_vertex from, bw_vertex to) {
+    for (int i = 0; i < 4; i++)
+        if (loop[i] == from && loop[(i + 1) & 3] == to) return i;
+    return -1;
+}
+
+/* Corners by bits: around the first halfface, and what is across from them along the four quads at its sides. Seen from inside, its halffaces turn
+ * counter-clockwise in the mesh that we write; whichever sense a file has, all cells have the same. */
+static bool make_hex(const reader *r, const int32_t *halfface, bw_vertex hex[8]) {
+    bw_vertex loop[6][4];
+    unsigned seen = 1;
+    for (int k = 0; k < 6; k++)
+        if (corners_of(r, halfface[k], loop[k]) != 4) return false;
+    for (int i = 0; i < 4; i++) hex[i] = loop[0][i], hex[4 + i] = BW_NONE;
+    for (int i = 0; i < 4; i++)
+        for (int k = 1; k < 6; k++) {
+            int next = (i + 1) & 3, at = step_in(loop[k], hex[next], hex[i]);
+            if (at < 0 || seen >> k & 1) continue;
+            bw_vertex across[2] = {loop[k][(at + 2) & 3], loop[k][(at + 3) & 3]};
+            if ((hex[4 + i] != BW_NONE && hex[4 + i] != across[0]) || (hex[4 + next] != BW_NONE && hex[4 + next] != across[1])) return false;
+            hex[4 + i] = across[0], hex[4 + next] = across[1];
+            seen |= 1u << k;
+            break;
+        }
+    int last = __builtin_ctz(~seen & 63u);
+    if (__builtin_popcount(seen) != 5) return false;
+    for (int i = 0; i < 4; i++)
+        if (step_in(loop[last], hex[4 + ((i + 1) & 3)], hex[4 + i]) < 0) return false;
+    bw_input_from_ring(hex);
+    return true;
+}
+
+/* The first cell says what all are. */
+static bw_status choose_kind(reader *r, int64_t faces, size_t cells) {
+    bw_tet_mesh *m = r->mesh;
+    if (faces == 4 ? m->hex != NULL : m->tet != NULL)
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "a %s among %s; the cells of a mesh are all of one kind, or it is not read", faces == 4 ? "tet" : "hex",
+                            faces == 4 ? "hexes" : "tets");
+    if (m->tet || m->hex) return BW_OK;
+    if (faces == 6 && cells > (size_t)BW_INPUT_HEXES_MAX)
+        return bw_scan_fail(&r->scan, BW_E_COUNT, "more than the %lld hexes supported", (long long)BW_INPUT_HEXES_MAX);
+    if (faces == 4) m->tet = bw_alloc(r->ctx, cells, sizeof *m->tet);
+    else m->hex = bw_alloc(r->ctx, cells, sizeof *m->hex);
+    return r->ctx->error.status;
+}
+
+static bw_status read_cell(reader *r, int64_t c, size_t cells) {
+    bw_scan *s = &r->scan;
+    int64_t faces = 0;
+    bw_tet_mesh *m = r->mesh;
+    bw_status status = bw_scan_whole(s, &faces);
+    if (status == BW_OK && faces != 4 && faces != 6)
+        status = bw_scan_fail(s, BW_E_SYNTAX, "%lld halffaces; only tets and hexes are read", (long long)faces);
+    if (status == BW_OK) s->kind = faces == 4 ? "tet" : "hex", status = choose_kind(r, faces, cells);
+    for (int k = 0; k < faces && status == BW_OK; k++)
+        status = bw_scan_index(s, 0, r->count[OF_HALFFACES], &r->cell[c][k]);
+    for (int k = 0; k < faces && status == BW_OK; k++) {
+        if (r->used[r->cell[c][k]])
+            status = bw_scan_fail(s, BW_E_SYNTAX, "halfface %d belongs to another cell already", r->cell[c][k]);
+        else
+            r->used[r->cell[c][k]] = 1;
+    }
+    if (status != BW_OK) return status;
+    if (faces == 4 ? make_tet(r, r->cell[c], m->tet[m->tet_count++]) : make_hex(r, r->cell[c], m->hex[m->hex_count++])) return BW_OK;
+    return bw_scan_fail(s, BW_E_SYNTAX, "its halffaces are not the sides of a %s", s->kind);
 }
 
 static bw_status read_cells(reader *r) {
     int64_t count = 0;
-    bw_tet_mesh *m = r->mesh;
-    bw_status status = begin_list(r, "Polyhedra", "tets", BW_INPUT_TETS_MAX, 10, &count);
-    if (status == BW_OK && !(m->tet = bw_alloc(r->ctx, (size_t)count, sizeof *m->tet)))
-        status = r->ctx->error.status;
+    bw_status status = begin_list(r, "Polyhedra", "cells", BW_INPUT_TETS_MAX, 10, &count);
     if (status == BW_OK && !(r->cell = bw_alloc(r->ctx, (size_t)count, sizeof *r->cell)))
         status = r->ctx->error.status;
     if (status == BW_OK && !(r->used = bw_alloc(r->ctx, r->count[OF_HALFFACES], 1)))
         status = r->ctx->error.status;
     for (int64_t i = 0; i < count && status == BW_OK; i++) {
-        status = bw_scan_record(&r->scan, "tet", i);
-        if (status == BW_OK) status = read_cell(r, i);
+        status = bw_scan_record(&r->scan, "cell", i);
+        if (status == BW_OK) status = read_cell(r, i, (size_t)count);
     }
     r->scan.kind = NULL;
-    r->count[OF_CELLS] = m->tet_count = (size_t)count;
+    r->count[OF_CELLS] = (size_t)count;
     return status;
 }
 
@@ -285,14 +336,15 @@ static bw_status read_properties(reader *r) {
 
 /* ---- what they say ------------------------------------------------------------------------------------- */
 
-static bw_status take_features(reader *r, owner of, int corners) {
+static bw_status take_features(reader *r, owner of) {
     bw_scan *s = &r->feature[of];
     bw_input_room room = {{0}};
     bw_status status = BW_OK;
     if (!r->has_feature[of]) return BW_OK;
     for (size_t i = 0; i < r->count[of] && status == BW_OK; i++) {
         int64_t value = 0;
-        bw_vertex corner[3] = {(bw_vertex)i};
+        bw_vertex corner[4] = {(bw_vertex)i};
+        int corners = of == OF_EDGES ? 2 : 1;
         status = bw_scan_record(s,
                                 of == OF_VERTICES ? "vertex"
                                 : of == OF_EDGES  ? "edge"
@@ -301,7 +353,7 @@ static bw_status take_features(reader *r, owner of, int corners) {
         if (status == BW_OK) status = bw_scan_whole(s, &value);
         if (status != BW_OK || !value) continue;
         if (of == OF_EDGES) memcpy(corner, r->edge[i], sizeof r->edge[i]);
-        if (of == OF_FACES) corners_of(r, 2 * (int32_t)i, corner);
+        if (of == OF_FACES) corners = corners_of(r, 2 * (int32_t)i, corner);
         status = bw_input_add_feature(r->ctx, r->mesh, &room, corners, corner);
     }
     return status;
@@ -355,12 +407,13 @@ static bw_status read_all(reader *r) {
     if (status == BW_OK) status = read_edges(r);
     if (status == BW_OK) status = read_faces(r);
     if (status == BW_OK) status = read_cells(r);
-    if (status == BW_OK && !r->mesh->tet_count) status = bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets");
+    if (status == BW_OK && !r->count[OF_CELLS]) status = bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets and no hexes");
     if (status == BW_OK) status = read_properties(r);
-    if (status == BW_OK) status = take_features(r, OF_VERTICES, 1);
-    if (status == BW_OK) status = take_features(r, OF_EDGES, 2);
-    if (status == BW_OK) status = take_features(r, OF_FACES, 3);
-    return status == BW_OK ? take_parameters(r) : status;
+    if (status == BW_OK) status = take_features(r, OF_VERTICES);
+    if (status == BW_OK) status = take_features(r, OF_EDGES);
+    if (status == BW_OK) status = take_features(r, OF_FACES);
+    if (status == BW_OK) status = bw_input_check_cells(s, r->mesh);
+    return status == BW_OK && r->mesh->tet_count ? take_parameters(r) : status;
 }
 
 bw_status bw_ovm_read_memory(bw_context *ctx, const void *data, size_t size, bw_tet_mesh *mesh) {

@@ -255,7 +255,7 @@ static bw_status read_listed_cells(reader *r, int64_t offsets, int64_t size) {
     bw_status status = expect_word(r, "OFFSETS");
     if (status == BW_OK) status = read_format(r, &format);
     if (status == BW_OK) status = end_of_line(r);
-    if (status == BW_OK && offsets < 1) status = bw_fail(r->scan.ctx, BW_E_EMPTY, "the input has no tets");
+    if (status == BW_OK && offsets < 1) status = bw_fail(r->scan.ctx, BW_E_EMPTY, "the input has no cells");
     if (status == BW_OK) status = bw_vtk_read_ends(&r->grid, &r->scan, format, offsets - 1, true);
     if (status == BW_OK) status = expect_word(r, "CONNECTIVITY");
     if (status == BW_OK) status = read_format(r, &format);

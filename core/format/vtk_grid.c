@@ -210,13 +210,19 @@ bw_status bw_vtk_read_types(bw_vtk_grid *g, bw_scan *s, bw_vtk_format format) {
 
 /* ---- the mesh ------------------------------------------------------------------------------------------ */
 
+enum { VERTEX = 1, LINE = 3, TRIANGLE = 5, QUAD = 9, TET = 10, VOXEL = 11, HEX = 12 };
+
+/* 0: a type that is not read. */
 static int corners_of(uint8_t type) {
-    return type == 1 ? 1 : type == 3 ? 2 : type == 5 ? 3 : type == 10 ? 4 : 0;
+    static const uint8_t corners[] = {[VERTEX] = 1, [LINE] = 2, [TRIANGLE] = 3, [QUAD] = 4, [TET] = 4, [VOXEL] = 8, [HEX] = 8};
+    return type < sizeof corners ? corners[type] : 0;
 }
+
+static bool is_hex(uint8_t type) { return type == VOXEL || type == HEX; }
 
 static bw_status check_cells(bw_vtk_grid *g, bw_scan *place) {
     bw_status status = BW_OK;
-    size_t tets = 0;
+    size_t tets = 0, hexes = 0;
     if (g->begin[g->cell_count] != g->corner_count)
         return bw_scan_fail(place, BW_E_COUNT, "the cells have %llu corners, and %zu are listed",
                             (unsigned long long)g->begin[g->cell_count], g->corner_count);
@@ -226,19 +232,22 @@ static bw_status check_cells(bw_vtk_grid *g, bw_scan *place) {
         if (!corners_of(g->type[c]))
             status = bw_scan_fail(
                 place, BW_E_SYNTAX,
-                "type %d; only tets (10), triangles (5), lines (3) and vertices (1) are read", g->type[c]);
+                "type %d; only hexes (12, 11) or tets (10), quads (9), triangles (5), lines (3) and vertices (1) are read", g->type[c]);
         else if (corners != (uint64_t)corners_of(g->type[c]))
             status = bw_scan_fail(place, BW_E_SYNTAX, "a cell of type %d has %d corners, not %llu",
                                   g->type[c], corners_of(g->type[c]), (unsigned long long)corners);
-        tets += g->type[c] == 10;
+        tets += g->type[c] == TET, hexes += is_hex(g->type[c]);
+        if (status == BW_OK && tets && hexes)
+            status = bw_scan_fail(place, BW_E_SYNTAX, "a %s among %s; the cells of a mesh are all of one kind, or it is not read",
+                                  is_hex(g->type[c]) ? "hex" : "tet", is_hex(g->type[c]) ? "tets" : "hexes");
     }
     place->kind = NULL;
-    if (status == BW_OK && !tets) status = bw_fail(g->ctx, BW_E_EMPTY, "the input has no tets");
-    if (status == BW_OK && tets > (size_t)BW_INPUT_TETS_MAX)
-        status = bw_scan_fail(place, BW_E_COUNT, "%zu tets are more than the %lld supported", tets,
-                              (long long)BW_INPUT_TETS_MAX);
-    if (status == BW_OK && !(g->mesh->tet = bw_alloc(g->ctx, tets, sizeof *g->mesh->tet)))
-        status = g->ctx->error.status;
+    if (status == BW_OK && !tets && !hexes) status = bw_fail(g->ctx, BW_E_EMPTY, "the input has no tets and no hexes");
+    if (status == BW_OK && (tets > (size_t)BW_INPUT_TETS_MAX || hexes > (size_t)BW_INPUT_HEXES_MAX))
+        status = bw_scan_fail(place, BW_E_COUNT, "%zu %s are more than the %lld supported", tets + hexes, tets ? "tets" : "hexes",
+                              (long long)(tets ? BW_INPUT_TETS_MAX : BW_INPUT_HEXES_MAX));
+    if (status == BW_OK && tets && !(g->mesh->tet = bw_alloc(g->ctx, tets, sizeof *g->mesh->tet))) status = g->ctx->error.status;
+    if (status == BW_OK && hexes && !(g->mesh->hex = bw_alloc(g->ctx, hexes, sizeof *g->mesh->hex))) status = g->ctx->error.status;
     return status;
 }
 
@@ -257,13 +266,22 @@ static bw_status read_array(bw_vtk_grid *g, const bw_vtk_array *array, double **
     return status;
 }
 
-static bw_status take_tets(bw_vtk_grid *g, const double *feature) {
+/* A voxel lists its corners by bits. */
+static void take_hex(bw_tet_mesh *m, const bw_vertex *corner, bool voxel) {
+    bw_vertex *hex = m->hex[m->hex_count++];
+    memcpy(hex, corner, sizeof *m->hex);
+    if (!voxel) bw_input_from_ring(hex);
+}
+
+static bw_status take_cells(bw_vtk_grid *g, const double *feature) {
     bw_tet_mesh *m = g->mesh;
     bw_input_room room = {{0}};
     bw_status status = BW_OK;
     for (size_t c = 0; c < g->cell_count && status == BW_OK; c++) {
         const bw_vertex *corner = g->corner + g->begin[c];
-        if (g->type[c] == 10)
+        if (is_hex(g->type[c]))
+            take_hex(m, corner, g->type[c] == VOXEL);
+        else if (g->type[c] == TET)
             memcpy(m->tet[m->tet_count++], corner, sizeof *m->tet);
         else if (!feature || feature[c] != 0)
             status = bw_input_add_feature(g->ctx, m, &room, corners_of(g->type[c]), corner);
@@ -312,7 +330,7 @@ static bw_status read_parameters(bw_vtk_grid *g, bw_scan *place) {
     }
     size_t tets = 0;
     for (size_t c = 0; c < g->cell_count; c++)
-        if (g->type[c] == 10) memmove(row + 12 * tets++, row + 12 * c, 12 * sizeof *row);
+        if (g->type[c] == TET) memmove(row + 12 * tets++, row + 12 * c, 12 * sizeof *row);
     if (tets == g->cell_count) {
         g->mesh->parameter = (void *)row;
     } else if (!(g->mesh->parameter = bw_resize(g->ctx, row, tets, sizeof *g->mesh->parameter))) {
@@ -342,11 +360,12 @@ bw_status bw_vtk_finish(bw_vtk_grid *g, bw_scan *place) {
     double *feature = NULL;
     bw_status status = check_cells(g, place);
     if (status == BW_OK) status = read_features(g, place, &feature);
-    if (status == BW_OK) status = take_tets(g, feature);
+    if (status == BW_OK) status = take_cells(g, feature);
     bw_free(g->ctx, feature);
     bw_free(g->ctx, g->corner), bw_free(g->ctx, g->begin);
     g->corner = NULL, g->begin = NULL;
-    return status == BW_OK ? read_parameters(g, place) : status;
+    if (status == BW_OK) status = bw_input_check_cells(place, g->mesh);
+    return status == BW_OK && g->mesh->tet_count ? read_parameters(g, place) : status;
 }
 
 void bw_vtk_clear(bw_vtk_grid *g) {

@@ -2,16 +2,16 @@
  * them.
  *
  * What a grid has to have
- *   cells        tets (type 10); besides them vertices (1), lines (3) and triangles (5), which may be
- *                features
- *   parameters   a cell array of 12 components: u0 v0 w0 u1 v1 w1 u2 v2 w2 u3 v3 w3, corner by corner in the
+ *   cells        tets (type 10), or hexes (12, or 11: voxels); besides them vertices (1), lines (3) and
+ *                triangles (5), or quads (9), which may be features
+ *   parameters   of tets: a cell array of 12 components: u0 v0 w0 u1 v1 w1 u2 v2 w2 u3 v3 w3, corner by corner in the
  *                order of the tet's points. Named "parametrization", "uvw" or "param" (looked for in this
  *                order, letters of either case are the same), or of any name if it is the only array of 12
  *                components. Rows of other cells are read and not used.
- *   features     the cell array "feature" of one component: the vertices, lines and triangles where it is not
- *                zero (values at tets are not used). Without such an array all vertices, lines and triangles
+ *   features     the cell array "feature" of one component: the vertices, lines, triangles and quads where it is not
+ *                zero (values at tets and hexes are not used). Without such an array all vertices, lines and triangles
  *                are features.
- * Tets, features: in the order of the cells. Point, vertex and cell numbers count from 0.
+ * Tets, hexes, features: in the order of the cells. Point, vertex and cell numbers count from 0.
  */
 #ifndef BW_FORMAT_VTK_GRID_H
 #define BW_FORMAT_VTK_GRID_H
@@ -89,7 +89,7 @@ bw_status bw_vtk_read_ends(bw_vtk_grid *grid, bw_scan *s, bw_vtk_format format, 
                            bool with_zero);
 bw_status bw_vtk_read_types(bw_vtk_grid *grid, bw_scan *s, bw_vtk_format format);
 
-/* Makes tets, parameters and features of *grid->mesh out of the sections. `place`: what errors that concern
+/* Makes tets and parameters, or hexes, and features of *grid->mesh out of the sections. `place`: what errors that concern
  * no array tell. */
 bw_status bw_vtk_finish(bw_vtk_grid *grid, bw_scan *place);
 void bw_vtk_clear(bw_vtk_grid *grid);

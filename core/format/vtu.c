@@ -340,7 +340,7 @@ static bw_status read_grid(reader *r) {
     bw_scan end = here(r);
     if (!r->seen_piece)
         return bw_scan_fail(&end, BW_E_TRUNCATED, "the input has no Piece of an UnstructuredGrid");
-    if (!r->cells) return bw_fail(r->ctx, BW_E_EMPTY, "the input has no tets");
+    if (!r->cells) return bw_fail(r->ctx, BW_E_EMPTY, "the input has no cells");
     bw_status status = bw_scan_count(&end, "points", r->points, BW_INPUT_VERTICES_MAX, 0);
     if (status == BW_OK) status = bw_scan_count(&end, "cells", r->cells, BW_INPUT_CELLS_MAX, 0);
     if (status == BW_OK) status = read_part(r, POINTS, r->points, 3);
