@@ -1,6 +1,6 @@
-/* Decoder of hexmesh.bwh, Blockwright's compact form of a hex mesh (api/bwh.md). Two files and zlib, nothing else of the project:
+/* Decoder of hexmesh.bwh, Blockwright's compact form of a hex mesh (api/bwh.md). Two files, nothing else of the project:
  *
- *     cc -O2 -c bwh.c && cc program.c bwh.o -lz
+ *     cc -O2 -c bwh.c && cc program.c bwh.o -lm
  *
  *     bwh_mesh mesh;
  *     bwh_status status = bwh_decode(data, size, 0, &mesh);
@@ -39,6 +39,7 @@ typedef struct {
 typedef struct {
     size_t vertex_count, hex_count, part_count;
     uint32_t subdivide;     /* hexes along an edge of a unit cube of the integer-grid map */
+    double step;            /* positions are on a lattice: its largest step; 0: they are those of the mesh, every bit */
     double (*position)[3];  /* [vertex] */
     uint8_t *held;          /* [vertex] on 0 a point, 1 a curve, 2 the surface, 3 nothing */
     int32_t (*hex)[8];      /* [hex][corner] */
@@ -49,8 +50,8 @@ typedef struct {
 
 extern const uint8_t bwh_ring[8]; /* around the low face, then around the high one */
 
-/* *mesh is overwritten; give it to bwh_clear, also after a failure (then it is empty). max_bytes: for all arrays of the mesh together, 0 for no limit. A
- * file of nothing but zeros may unfold to 13 000 times its size, so decode what strangers send with a limit. Any bytes are safe to decode. O(size of the mesh). */
+/* *mesh is overwritten; give it to bwh_clear, also after a failure (then it is empty). max_bytes: for all arrays of the mesh together, 0 for no limit. Some
+ * files unfold to thousands of times their size, so decode what strangers send with a limit. Any bytes are safe to decode. O(size of the mesh). */
 bwh_status bwh_decode(const void *data, size_t size, size_t max_bytes, bwh_mesh *mesh);
 void bwh_clear(bwh_mesh *mesh);
 const char *bwh_text(bwh_status status); /* a sentence */

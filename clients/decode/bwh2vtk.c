@@ -1,6 +1,6 @@
 /* bwh2vtk IN.bwh OUT.vtk: a hexmesh.bwh as legacy VTK. An example of bwh.h.
  *
- *     cc -O2 bwh2vtk.c bwh.c -lz -lm -o bwh2vtk
+ *     cc -O2 bwh2vtk.c bwh.c -lm -o bwh2vtk
  */
 #include <stdbool.h>
 #include <stdio.h>

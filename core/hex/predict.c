@@ -17,15 +17,16 @@ static int32_t on_lattice(const bw_predictor *p, double x, int k) {
     return (int32_t)(at < 0 ? 0 : at > most ? most : at);
 }
 
+void bw_predict_box(const double (*position)[3], size_t count, double low[3], double high[3]) {
+    for (int k = 0; k < 3; k++) low[k] = high[k] = count ? position[0][k] : 0;
+    for (size_t v = 1; v < count; v++)
+        for (int k = 0; k < 3; k++) low[k] = fmin(low[k], position[v][k]), high[k] = fmax(high[k], position[v][k]);
+}
+
 bw_status bw_predictor_init(bw_context *ctx, const double (*position)[3], size_t count, int bits, bw_predictor *p) {
     *p = (bw_predictor){.position = position, .bits = bits};
-    double high[3] = {0};
-    for (size_t v = 0; v < count; v++)
-        for (int k = 0; k < 3; k++) {
-            double x = position[v][k];
-            if (!v || x < p->low[k]) p->low[k] = x;
-            if (!v || x > high[k]) high[k] = x;
-        }
+    double high[3];
+    bw_predict_box(position, count, p->low, high);
     for (int k = 0; k < 3; k++) p->extent[k] = high[k] > p->low[k] ? high[k] - p->low[k] : 1;
     p->at = bw_alloc(ctx, count, sizeof *p->at);
     if (!p->at) return ctx->error.status;

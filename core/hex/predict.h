@@ -52,6 +52,8 @@ typedef struct {
     int64_t cost;           /* with entropies of its own, in units of 2^-BW_PREDICT_SHIFT bits */
 } bw_predict_errors;
 
+void bw_predict_box(const double (*position)[3], size_t count, double low[3], double high[3]); /* 0 for none */
+
 /* The box is that of all positions given. Requires bits in 1..BW_PREDICT_MOST_BITS, finite positions. Errors: BW_E_MEMORY. */
 bw_status bw_predictor_init(bw_context *ctx, const double (*position)[3], size_t count, int bits, bw_predictor *predictor);
 void bw_predictor_clear(bw_context *ctx, bw_predictor *predictor);

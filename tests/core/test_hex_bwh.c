@@ -1,13 +1,16 @@
-/* The compact form of hex meshes (format/hex_bwh.h): both decoders of clients/decode give back every bit, and tell what is wrong with a damaged file.
+/* The compact form of hex meshes (format/hex_bwh.h): both decoders of clients/decode give back every bit, or the nearest point of the lattice, and tell what is
+ * wrong with a damaged file.
  *
  * Corpus of fuzz_bwh: BW_KEEP=1 keeps NAME.bwh of this test; each goes there after a byte 1 (put checksums right) or 0.
  */
 #include "core/hex_files.h"
 
 #include <math.h>
+#include <unistd.h>
 
 #include "bwh.h"
 #include "format/hex_bwh.h"
+#include "hex/predict.h"
 
 /* ---- what was written, decoded in C -------------------------------------------------------------------------------- */
 
@@ -35,7 +38,16 @@ static place *sorted(const bw_hex_mesh *mesh, uint32_t listed) {
     return p;
 }
 
-static void check_decoded(const bw_hex_mesh *mesh, uint32_t listed, const bwh_mesh *got) {
+/* The same bits; with bits, within half a step, and the mesh gets the positions that were decoded. */
+static void check_position(double position[3], const double got[3], int bits, const double step[3]) {
+    if (!bits) assert_memory_equal(position, got, 3 * sizeof *position);
+    for (int k = 0; k < 3 && bits; k++) {
+        assert_true(fabs(position[k] - got[k]) <= 0.5 * step[k] * (1 + 1e-9));
+        position[k] = got[k];
+    }
+}
+
+static void check_decoded(const bw_hex_mesh *mesh, uint32_t listed, const bwh_mesh *got, int bits, const double step[3]) {
     place *order = sorted(mesh, listed);
     int32_t *number = malloc(mesh->vertex_count * sizeof *number);
     memset(number, 0xff, mesh->vertex_count * sizeof *number);
@@ -51,7 +63,7 @@ static void check_decoded(const bw_hex_mesh *mesh, uint32_t listed, const bwh_me
             bw_hvertex v = mesh->hex[h][c], w = got->hex[i][c];
             if (number[v] < 0) {
                 number[v] = w;
-                assert_memory_equal(mesh->position[v], got->position[w], sizeof *mesh->position);
+                check_position(mesh->position[v], got->position[w], bits, step);
                 assert_int_equal(mesh->held[v], got->held[w]);
             }
             assert_int_equal(number[v], w); /* one to one, for there are as many */
@@ -61,29 +73,39 @@ static void check_decoded(const bw_hex_mesh *mesh, uint32_t listed, const bwh_me
     free(order);
 }
 
-static char *write_sample(bw_context *ctx, const bw_hex_mesh *mesh, const char *name, size_t *size) {
-    uint64_t bytes;
+static void write_truth(bw_context *ctx, const bw_hex_mesh *mesh, const char *name) {
     bw_hex_skin skin;
-    const char *path = kit_temp_path("%s.bwh", name);
     kit_expect_ok(ctx, bw_hex_skin_init(ctx, mesh, &skin));
     hex_files_truth(mesh, &skin, kit_temp_path("%s.json", name));
-    kit_expect_ok(ctx, bw_hex_write_bwh(ctx, mesh, &skin, path, &bytes));
     bw_hex_skin_clear(ctx, &skin);
+}
+
+static char *write_sample(bw_context *ctx, const bw_hex_mesh *mesh, int bits, const char *name, size_t *size, bw_bwh_sizes *sizes) {
+    const char *path = kit_temp_path("%s.bwh", name);
+    kit_expect_ok(ctx, bw_bwh_write(ctx, mesh, bits, path, sizes));
     char *data = kit_read_file(path, size);
-    assert_int_equal(*size, bytes);
+    assert_int_equal(*size, sizes->header + sizes->shape + sizes->places);
     return data;
 }
 
-static void round_trip(bw_context *ctx, const bw_hex_mesh *mesh, uint32_t listed, const char *name) {
+/* Positions of the mesh become those that were decoded. Returns the kind of the file. */
+static bw_bwh_kind round_trip(bw_context *ctx, bw_hex_mesh *mesh, uint32_t listed, int bits, const char *name) {
     size_t size;
     bwh_mesh got;
-    char *data = write_sample(ctx, mesh, name, &size);
+    bw_bwh_sizes sizes;
+    bw_bwh_header header;
+    char *data = write_sample(ctx, mesh, bits, name, &size, &sizes);
     assert_int_equal(bwh_decode(data, size, 0, &got), BWH_OK);
-    check_decoded(mesh, listed, &got);
-    printf("%s: %zu vertices, %zu hexes, %zu bytes\n", name, mesh->vertex_count, mesh->hex_count, size);
+    assert_true(bits ? got.step > 0 : got.step == 0);
+    check_decoded(mesh, listed, &got, bits, sizes.step);
+    write_truth(ctx, mesh, name);
+    memcpy(&header, data, sizeof header);
+    printf("%s: %zu vertices, %zu hexes, kind %d of %d, %zu bytes (shape %zu, places %zu)\n", name, mesh->vertex_count, mesh->hex_count, header.kind, header.parameter,
+           size, (size_t)sizes.shape, (size_t)sizes.places);
     assert_int_equal(bwh_decode(data, size, 25 * got.vertex_count + 48 * got.hex_count - 1, &(bwh_mesh){0}), BWH_LIMIT);
     bwh_clear(&got);
     free(data);
+    return (bw_bwh_kind)header.kind;
 }
 
 static void every_bit_comes_back(void **state) {
@@ -93,7 +115,7 @@ static void every_bit_comes_back(void **state) {
     for (int i = 0; i < HEX_KIT_COUNT; i++) {
         bw_hex_mesh mesh;
         hex_kit_sample(&ctx, i, &mesh);
-        round_trip(&ctx, &mesh, 0, hex_kit_names[i]);
+        assert_int_equal(round_trip(&ctx, &mesh, 0, 0, hex_kit_names[i]), BW_BWH_DOUBLES);
         bw_hex_mesh_clear(&ctx, &mesh);
     }
     assert_int_equal(ctx.memory.used, 0);
@@ -108,7 +130,93 @@ static void any_doubles_come_back(void **state) {
     hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
     for (size_t v = 0; v < mesh.vertex_count; v++)
         for (int k = 0; k < 3; k++) mesh.position[v][k] = v % 7 == 0 ? -0.0 : v % 5 == 0 ? 1.7e308 : kit_random_bits(&random);
-    round_trip(&ctx, &mesh, 0, "doubles");
+    assert_int_equal(round_trip(&ctx, &mesh, 0, 0, "doubles"), BW_BWH_DOUBLES);
+    bw_hex_mesh_clear(&ctx, &mesh);
+}
+
+/* Meshes of few digits, of floats, of whole numbers. -0 is no decimal. */
+static void few_digits_are_coded_as_few(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    bw_hex_mesh mesh;
+    size_t size[4];
+    for (int i = 0; i < 4; i++) {
+        bw_bwh_sizes sizes;
+        hex_kit_sample(&ctx, HEX_KIT_GRID, &mesh);
+        for (size_t v = 0; v < mesh.vertex_count; v++)
+            for (int k = 0; k < 3; k++) {
+                double *x = &mesh.position[v][k];
+                if (i == 1) *x = (double)(float)*x;
+                if (i == 2) *x = round(1000 * *x) / 1000;
+                if (i == 3) *x = round(10 * *x);
+                *x += 0; /* -0 becomes 0 */
+            }
+        const char *name = ((const char *const[]){"all-bits", "floats", "digits", "whole"})[i];
+        bw_bwh_kind kind = round_trip(&ctx, &mesh, 0, 0, name);
+        assert_int_equal(kind, i < 2 ? BW_BWH_DOUBLES : BW_BWH_DECIMAL);
+        free(write_sample(&ctx, &mesh, 0, "again", &size[i], &sizes));
+        if (i) assert_true(size[i] < size[i - 1]);
+        if (i == 3) {
+            mesh.position[mesh.vertex_count / 2][0] = -0.0;
+            assert_int_equal(round_trip(&ctx, &mesh, 0, 0, "minus-zero"), BW_BWH_DOUBLES);
+        }
+        bw_hex_mesh_clear(&ctx, &mesh);
+    }
+    unlink(kit_temp_path("again.bwh"));
+    assert_int_equal(ctx.memory.used, 0);
+}
+
+static void a_lattice_is_missed_by_half_a_step_at_most(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    static const int chosen[] = {BW_BWH_LEAST_BITS, 7, 12, 16, BW_BWH_MOST_BITS};
+    size_t last = 0;
+    for (size_t i = 0; i < sizeof chosen / sizeof *chosen; i++) {
+        bw_hex_mesh mesh;
+        bw_bwh_sizes sizes;
+        size_t size;
+        double low[3], high[3];
+        hex_kit_sample(&ctx, (int)i % HEX_KIT_COUNT, &mesh);
+        bw_predict_box((const double(*)[3])mesh.position, mesh.vertex_count, low, high);
+        char name[24];
+        snprintf(name, sizeof name, "lattice-%d", chosen[i]);
+        assert_int_equal(round_trip(&ctx, &mesh, 0, chosen[i], name), BW_BWH_LATTICE);
+        bw_hex_mesh_clear(&ctx, &mesh);
+        hex_kit_sample(&ctx, HEX_KIT_GRID, &mesh);
+        free(write_sample(&ctx, &mesh, chosen[i], "again", &size, &sizes));
+        assert_true(size > last);
+        last = size;
+        hex_kit_sample(&ctx, (int)i % HEX_KIT_COUNT, &mesh);
+        free(write_sample(&ctx, &mesh, chosen[i], "again", &size, &sizes));
+        for (int k = 0; k < 3; k++) /* the lattice is that of the box */
+            assert_true(fabs(sizes.step[k] * (double)((1 << chosen[i]) - 1) / (high[k] - low[k]) - 1) < 1e-8);
+        bw_hex_mesh_clear(&ctx, &mesh);
+    }
+    unlink(kit_temp_path("again.bwh"));
+}
+
+/* All vertices in one plane, in one point, and the box of the largest numbers. */
+static void flat_meshes_have_a_lattice_too(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    bw_hex_mesh mesh;
+    hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
+    for (size_t v = 0; v < mesh.vertex_count; v++) mesh.position[v][1] = 0.7;
+    round_trip(&ctx, &mesh, 0, 12, "plane");
+    for (size_t v = 0; v < mesh.vertex_count; v++) mesh.position[v][0] = mesh.position[v][2] = -1e-310 * (double)(v & 1);
+    bw_bwh_sizes sizes;
+    size_t size;
+    bwh_mesh got;
+    char *data = write_sample(&ctx, &mesh, 12, "again", &size, &sizes);
+    assert_int_equal(bwh_decode(data, size, 0, &got), BWH_OK);
+    bwh_clear(&got);
+    free(data);
+    unlink(kit_temp_path("again.bwh"));
+    for (size_t v = 0; v < mesh.vertex_count; v++) mesh.position[v][0] = v & 1 ? 1.7e308 : -1.7e308;
+    kit_expect_status(&ctx, bw_bwh_write(&ctx, &mesh, 12, kit_temp_path("none.bwh"), &sizes), BW_E_LIMIT);
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 
@@ -126,13 +234,13 @@ static void what_is_no_grid_is_listed_hex_by_hex(void **state) {
             mesh.ijk[h][0] += 1000;
             break;
         }
-    round_trip(&ctx, &mesh, 4, "listed");
+    round_trip(&ctx, &mesh, 4, 0, "listed");
     bw_hex_mesh_clear(&ctx, &mesh);
     hex_kit_sample(&ctx, HEX_KIT_GRID, &mesh);
     memcpy(mesh.ijk[1], mesh.ijk[0], sizeof *mesh.ijk);
-    round_trip(&ctx, &mesh, 1, "twice");
+    round_trip(&ctx, &mesh, 1, 0, "twice");
     for (size_t h = 0; h < mesh.hex_count; h++) mesh.block[h] = BW_NONE;
-    round_trip(&ctx, &mesh, 0, "no-blocks");
+    round_trip(&ctx, &mesh, 0, 0, "no-blocks");
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 
@@ -144,15 +252,17 @@ static void a_damaged_file_is_told_by_its_code(void **state) {
     bw_context_init(&ctx);
     bw_hex_mesh mesh;
     bwh_mesh got;
+    bw_bwh_sizes sizes;
     size_t size;
     hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
-    unsigned char *data = (unsigned char *)write_sample(&ctx, &mesh, "damage", &size);
+    unsigned char *data = (unsigned char *)write_sample(&ctx, &mesh, 12, "damage", &size, &sizes);
+    write_truth(&ctx, &mesh, "damage");
+    unlink(kit_temp_path("damage.bwh"));
     for (size_t cut = 0; cut < size; cut++) assert_int_equal(bwh_decode(data, cut, 0, &got), cut < 8 ? BWH_NOT_BWH : BWH_TRUNCATED);
     for (size_t at = 0; at < size; at++) {
         data[at] ^= 0x10;
         bwh_status wanted = at < 8 ? BWH_NOT_BWH : at < 12 ? BWH_VERSION : at >= 40 && at < 48 ? BWH_TRUNCATED : BWH_CHECKSUM, status = bwh_decode(data, size, 0, &got);
-        if (at >= 12 && at < 16) assert_true(status == BWH_TRUNCATED || status == BWH_CHECKSUM); /* the number of parts */
-        else if (at >= 36 && at < 40) assert_int_equal(status, BWH_DAMAGED);
+        if (at >= 48 && at < 56) assert_true(status == BWH_TRUNCATED || status == BWH_CHECKSUM); /* sizes of streams */
         else assert_int_equal(status, wanted);
         assert_null(got.position);
         data[at] ^= 0x10;
@@ -172,16 +282,17 @@ static uint32_t crc_of(const unsigned char *p, size_t size) {
     return ~crc;
 }
 
-/* A lie with a right checksum: at `at` (32 bits) stands `value`. */
+/* A lie with right checksums: at `at` (32 bits) stands `value`. */
 static bwh_status with_lie(const char *data, size_t size, size_t at, uint32_t value) {
     unsigned char *copy = malloc(size);
     bw_bwh_header header;
     memcpy(copy, data, size);
     memcpy(copy + at, &value, 4);
     memcpy(&header, copy, sizeof header);
-    header.crc = 0;
+    size_t front = header.kind == BW_BWH_LATTICE ? 112 : 64;
+    header.crc = 0, header.body_crc = crc_of(copy + front, size - front);
     memcpy(copy, &header, sizeof header);
-    header.crc = crc_of(copy, 64 + 16 * header.part_count + 24 * BW_BWH_STREAMS);
+    header.crc = crc_of(copy, front);
     memcpy(copy, &header, sizeof header);
     bwh_mesh got;
     bwh_status status = bwh_decode(copy, size, 0, &got);
@@ -190,32 +301,68 @@ static bwh_status with_lie(const char *data, size_t size, size_t at, uint32_t va
     return status;
 }
 
-static void a_lie_with_a_right_checksum_is_found(void **state) {
+static void a_lie_with_right_checksums_is_found(void **state) {
     (void)state;
     bw_context ctx;
     bw_context_init(&ctx);
     bw_hex_mesh mesh;
+    bw_bwh_sizes sizes;
     size_t size;
     hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
-    char *data = write_sample(&ctx, &mesh, "lies", &size);
-    size_t parts = 64, directory = 64 + 3 * 16;
-    assert_int_equal(with_lie(data, size, 32, 1), BWH_OK);                                         /* subdivide, and it is 1 */
-    assert_int_equal(with_lie(data, size, 16, (uint32_t)mesh.vertex_count + 1), BWH_DAMAGED);      /* vertices */
-    assert_int_equal(with_lie(data, size, 24, (uint32_t)mesh.hex_count - 1), BWH_DAMAGED);         /* hexes */
-    assert_int_equal(with_lie(data, size, 28, 1), BWH_DAMAGED);                                    /* hexes, high half */
-    assert_int_equal(with_lie(data, size, parts, (uint32_t)-2), BWH_DAMAGED);                      /* a block */
-    assert_int_equal(with_lie(data, size, parts, (uint32_t)-1), BWH_DAMAGED);                      /* a grid without block */
-    for (size_t k = 0; k < 3; k++) {
-        assert_int_equal(with_lie(data, size, parts + 4 + 4 * k, 0), BWH_DAMAGED);
-        assert_int_equal(with_lie(data, size, parts + 4 + 4 * k, 0x7fffffff), BWH_DAMAGED);
-        assert_int_equal(with_lie(data, size, parts + 4 + 4 * k, 0xffffffff), BWH_DAMAGED);
-    }
-    for (size_t s = 0; s < BW_BWH_STREAMS; s++) {
-        assert_int_equal(with_lie(data, size, directory + 24 * s, 2), BWH_DAMAGED);                /* method */
-        assert_int_equal(with_lie(data, size, directory + 24 * s + 8, 0x01000000), BWH_DAMAGED);   /* size */
-        assert_int_equal(with_lie(data, size, directory + 24 * s + 16, 0x01000000), BWH_TRUNCATED); /* stored */
+    char *data = write_sample(&ctx, &mesh, 12, "lies", &size, &sizes);
+    unlink(kit_temp_path("lies.bwh"));
+    uint32_t vertices = (uint32_t)mesh.vertex_count, hexes = (uint32_t)mesh.hex_count, shape = (uint32_t)sizes.shape, places = (uint32_t)sizes.places;
+    const uint32_t infinity = 0x7ff00000, minus_one = 0xbff00000;
+    assert_int_equal(with_lie(data, size, 32, 1), BWH_OK); /* subdivide, and it is 1 */
+    const struct {
+        size_t at;
+        uint32_t value;
+        bwh_status status;
+    } lies[] = {
+        {12, 2, BWH_DAMAGED},            {12, 4, BWH_DAMAGED},                 {12, 0xffffffff, BWH_DAMAGED},                   /* parts */
+        {16, vertices - 1, BWH_DAMAGED}, {16, vertices + 1, BWH_DAMAGED},      {16, 0x7fffffff, BWH_DAMAGED}, {20, 1, BWH_DAMAGED}, /* vertices */
+        {24, hexes - 1, BWH_DAMAGED},    {24, hexes + 1, BWH_DAMAGED},         {28, 1, BWH_DAMAGED},                            /* hexes */
+        {36, 3, BWH_DAMAGED},            {36, 12 << 8, BWH_DAMAGED},           {36, 2 | 3 << 8, BWH_DAMAGED},                   /* kind, bits */
+        {36, 2 | 25 << 8, BWH_DAMAGED},  {36, 2 | 12 << 8 | 1 << 16, BWH_DAMAGED}, {36, 2 | 4 << 8, BWH_DAMAGED},               /* kind, bits, zeros */
+        {48, shape - 1, BWH_DAMAGED},    {48, shape + places + 1, BWH_TRUNCATED}, {48, 0, BWH_DAMAGED},                         /* sizes of streams */
+        {52, places + 1, BWH_TRUNCATED}, {52, 0, BWH_DAMAGED},                 {52, 0xffffffff, BWH_TRUNCATED},
+        {68, infinity, BWH_DAMAGED},     {92, infinity, BWH_DAMAGED},          {92, minus_one, BWH_DAMAGED},                    /* low, step */
+    };
+    for (size_t i = 0; i < sizeof lies / sizeof *lies; i++) {
+        bwh_status status = with_lie(data, size, lies[i].at, lies[i].value);
+        if (status != lies[i].status) fail_msg("lie %zu: %s", i, bwh_text(status));
     }
     free(data);
+    bw_hex_mesh_clear(&ctx, &mesh);
+}
+
+/* ---- sizes --------------------------------------------------------------------------------------------------------- */
+
+/* The whole file at 12 bits against what X 4.1 estimates for the coordinates alone. */
+static void the_file_is_smaller_than_the_estimate(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    static const hex_kit_box box[] = {{{0, 0, 0}, {12, 10, 8}}, {{12, 0, 0}, {20, 10, 8}}, {{0, 0, 8}, {10, 10, 14}}, {{10, 2, 8}, {20, 8, 14}}};
+    bw_hex_mesh mesh;
+    hex_kit_boxes(&ctx, box, 4, 5, &mesh);
+    for (size_t v = 0; v < mesh.vertex_count; v++) {
+        double *p = mesh.position[v], bend = 0.1 * p[0];
+        double x = (20 + p[2]) * sin(bend), z = (20 + p[2]) * cos(bend);
+        p[0] = x, p[2] = z + 0.1 * p[1] * p[1];
+    }
+    bool known;
+    bw_predict_report report;
+    bw_bwh_sizes sizes;
+    size_t size;
+    kit_expect_ok(&ctx, bw_predict_mesh(&ctx, &mesh, 12, &known, &report));
+    assert_true(known);
+    free(write_sample(&ctx, &mesh, 12, "bent", &size, &sizes));
+    unlink(kit_temp_path("bent.bwh"));
+    double whole = 8 * (double)size / (double)mesh.vertex_count, places = 8 * (double)sizes.places / (double)mesh.vertex_count;
+    printf("%zu vertices: E_g %.2f pooled, %.2f by blocks; %.2f bits per vertex written, %.2f of them coordinates\n", mesh.vertex_count, report.e_g_pooled,
+           report.e_g_blocks, whole, places);
+    assert_true(places < whole && whole <= 1.05 * report.e_g_pooled && whole <= 1.05 * report.e_g_blocks);
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 
@@ -237,9 +384,13 @@ static void the_decoder_in_javascript_gives_the_same(void **state) {
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(every_bit_comes_back),
     cmocka_unit_test(any_doubles_come_back),
+    cmocka_unit_test(few_digits_are_coded_as_few),
+    cmocka_unit_test(a_lattice_is_missed_by_half_a_step_at_most),
+    cmocka_unit_test(flat_meshes_have_a_lattice_too),
     cmocka_unit_test(what_is_no_grid_is_listed_hex_by_hex),
     cmocka_unit_test(a_damaged_file_is_told_by_its_code),
-    cmocka_unit_test(a_lie_with_a_right_checksum_is_found),
+    cmocka_unit_test(a_lie_with_right_checksums_is_found),
+    cmocka_unit_test(the_file_is_smaller_than_the_estimate),
     cmocka_unit_test(the_decoder_in_javascript_gives_the_same),
 };
 KIT_MAIN(tests)
