@@ -50,6 +50,7 @@ typedef struct {
     bool smooth;           /* extract also moves the vertices of the hex mesh, on the surface, to better shapes */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: encode writes the hex mesh, if there is one, as that */
     bool vtk;            /* encode also writes the complex as a multi-block VTK data set */
+    bool tmesh;          /* encode also writes the T-mesh: the complex refined around its extraordinary arcs for solid T-splines */
     const char *parameters; /* side file with the parameters of a Medit mesh; NULL: none. A path, borrowed; no JSON option */
     uint64_t max_cells;  /* work limit of trace and build: cells that cuts add to the tets (BW_E_LIMIT beyond) */
 } bw_options;

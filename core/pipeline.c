@@ -215,7 +215,7 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    bw_encode_options how = {options->vtk, options->hex_formats, state->has_igm ? &state->igm : NULL, state->has_source ? &state->source : NULL, state->source_vertex};
+    bw_encode_options how = {options->vtk, options->tmesh, options->hex_formats, state->has_igm ? &state->igm : NULL, state->has_source ? &state->source : NULL, state->source_vertex};
     const bw_hex_mesh *hex = state->has_hex ? &state->hex : NULL;
     return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, hex, &how, &state->report, out);
 }
@@ -233,7 +233,7 @@ static const struct {
     [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 2, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 5, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 11, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 12, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -338,10 +338,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if ((i = choice(value, self_adjacent_names, 2)) < 0)
             return bw_fail(ctx, BW_E_USAGE, "option self_adjacent is \"allow\" or \"split\"");
         o->self_adjacent = (bw_self_adjacent)i;
-    } else if (!strcmp(name, "vtk")) {
+    } else if (!strcmp(name, "vtk") || !strcmp(name, "tmesh")) {
         static const char *const words[] = {"no", "yes"};
-        if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option vtk is \"no\" or \"yes\"");
-        o->vtk = i == 1;
+        if ((i = choice(value, words, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option %s is \"no\" or \"yes\"", name);
+        *(*name == 'v' ? &o->vtk : &o->tmesh) = i == 1;
     } else if (!strcmp(name, "repair")) {
         if (!json_is_boolean(value)) return bw_fail(ctx, BW_E_USAGE, "option repair is true or false");
         o->repair = json_is_true(value);

@@ -62,6 +62,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->smooth) json_object_set_new(json, "smooth", json_string(o->smooth));
     if (o->hex_formats) json_object_set_new(json, "hex_formats", names(o->hex_formats));
     if (o->vtk) json_object_set_new(json, "vtk", json_string("yes"));
+    if (o->tmesh) json_object_set_new(json, "tmesh", json_string("yes"));
     if (o->repair) json_object_set_new(json, "repair", json_true());
     if (o->until) json_object_set_new(json, "until", json_string(o->until));
     if (o->tolerance > 0) json_object_set_new(json, "tolerance", json_real(o->tolerance));

@@ -19,7 +19,7 @@ typedef struct {
     int64_t target_hexes;        /* 0: not given */
     const char *scales;          /* numbers between commas; NULL: not given */
     const char *hex_formats;     /* names between commas, or "none"; NULL: not given */
-    bool vtk, repair;
+    bool vtk, tmesh, repair;
     const char *parameters;      /* a file, not one of the options in JSON; NULL: not given */
 } cli_job_options;
 
@@ -64,6 +64,8 @@ typedef struct {
      "of the hex mesh: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
+    {"tmesh", 0, CLI_FLAG, offsetof(settings, job.tmesh), NULL,                                              \
+     "also write a T-mesh for solid T-splines (tmesh.json, tmesh.vtu)", 0, 0},                               \
     {"until", 0, CLI_CHOICE, offsetof(settings, job.until), "sanitize|trace|build|reduce|quantize|reparametrize|extract|encode",   \
      "stop after this stage (default encode)", 0, 0},                                                        \
     {"tolerance", 0, CLI_NUMBER, offsetof(settings, job.tolerance), "X",                                     \

@@ -33,6 +33,7 @@ typedef struct {
 #define HEX(type, name) MEMBER("hex_quality", NULL, type, hex_quality., name)
 #define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
 #define SMOOTHING(type, name) MEMBER("hex_quality", "smoothing", type, hex_quality.smoothing., name)
+#define TSPLINE(type, name) MEMBER("tspline", NULL, type, tspline., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -212,6 +213,15 @@ static const field fields[] = {
     QUALITY(COUNT, traced_vertices),
     QUALITY(COUNT, traced_tets),
     QUALITY(COUNT, traced_walls),
+    TSPLINE(TEXT, knots),
+    TSPLINE(COUNT, blocks),
+    TSPLINE(COUNT, cells),
+    TSPLINE(COUNT, added_cells),
+    TSPLINE(COUNT, refined_blocks),
+    TSPLINE(COUNT, vertices),
+    TSPLINE(COUNT, t_joints),
+    TSPLINE(COUNT, extraordinary_arcs),
+    TSPLINE(NUMBER, seconds),
 };
 
 static const struct {
@@ -225,6 +235,7 @@ static const struct {
     {"extract", offsetof(bw_report, has_extract)},
     {"hex_quality", offsetof(bw_report, has_hex_quality)},
     {"quality", offsetof(bw_report, has_quality)},
+    {"tspline", offsetof(bw_report, has_tspline)},
 };
 
 /* Groups that may be missing from their section. */

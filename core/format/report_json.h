@@ -77,6 +77,7 @@ typedef struct {
     bool has_rounding; /* quantization.rounding */
     bool has_reparametrize, has_extract;
     bool has_hex_quality;
+    bool has_tspline;
     bool has_smoothing; /* hex_quality.smoothing */
 
     struct {
@@ -176,6 +177,13 @@ typedef struct {
         double volume;                /* of the model, in the input's space */
         uint64_t traced_vertices, traced_tets, traced_walls; /* of traced.hexex */
     } quality;
+
+    struct { /* the T-mesh for solid T-splines (tspline/tmesh.h) */
+        char knots[8]; /* unit of its knots: "hexes", or "map" */
+        uint64_t blocks, cells, added_cells, refined_blocks, vertices, t_joints;
+        uint64_t extraordinary_arcs;
+        double seconds;
+    } tspline;
 
     size_t stage_count;
     bw_report_stage stage[BW_REPORT_STAGES];

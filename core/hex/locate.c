@@ -296,6 +296,13 @@ bw_status bw_locator_init(bw_context *ctx, const bw_blockwise *map, bw_locator *
     return status;
 }
 
+bw_status bw_locator_init_blocks(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_locator *l) {
+    *l = (bw_locator){.cells = cells, .complex = complex};
+    bw_status status = list_tets(ctx, l);
+    if (status != BW_OK) bw_locator_clear(ctx, l);
+    return status;
+}
+
 void bw_locator_clear(bw_context *ctx, bw_locator *l) {
     bw_boxtree_clear(ctx, &l->tets), bw_boxtree_clear(ctx, &l->triangles);
     bw_carriers_clear(ctx, &l->carriers);

@@ -25,7 +25,7 @@ typedef struct {
 } bw_patch_triangle;
 
 typedef struct {
-    const bw_blockwise *map; /* borrowed */
+    const bw_blockwise *map; /* borrowed; NULL: of blocks only */
     const bw_cells *cells;
     const bw_complex *complex;
     bw_carriers carriers;
@@ -38,6 +38,8 @@ typedef struct {
 
 /* O(n log n) in the number of cells. */
 bw_status bw_locator_init(bw_context *ctx, const bw_blockwise *map, bw_locator *locator);
+/* Of points in blocks only: positions and holds are found, nothing of patches, arcs and nodes may be asked. */
+bw_status bw_locator_init_blocks(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_locator *locator);
 void bw_locator_clear(bw_context *ctx, bw_locator *locator);
 
 /* A point of a block's chart; of a patch's frame; at `at` grid units from the first node of an arc; a node. For several threads at a time. */

@@ -14,6 +14,7 @@
 #include "format/hex_labels.h"
 #include "format/hex_write.h"
 #include "format/sizes_svg.h"
+#include "format/tmesh_json.h"
 #include "format/traced.h"
 #include "format/view.h"
 #include "format/vtm.h"
@@ -34,6 +35,8 @@ typedef struct {
     bw_tessellation tessellation;
     double (*position)[3]; /* [point] */
     double *cell_volume, *block_volume;
+    const bw_tmesh *tmesh;
+    double (*tmesh_position)[3]; /* [vertex of it] */
 } encoder;
 
 /* ---- files
@@ -86,6 +89,14 @@ static bw_status write_labels(encoder *e, const char *path, uint64_t *bytes) { r
 
 static bw_status write_walls(encoder *e, const char *path, uint64_t *bytes) {
     return bw_hex_walls_write(e->ctx, e->cells, e->complex, e->source, e->source_vertex, path, bytes);
+}
+
+static bw_status write_tmesh_json(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_tmesh_write(e->ctx, e->tmesh, (const double(*)[3])e->tmesh_position, e->report->complex.kind, path, bytes);
+}
+
+static bw_status write_tmesh_vtu(encoder *e, const char *path, uint64_t *bytes) {
+    return bw_tmesh_write_vtu(e->ctx, e->tmesh, (const double(*)[3])e->tmesh_position, path, bytes);
 }
 
 /* Writes under another name first, so that a file of that name is always whole. */
@@ -202,6 +213,42 @@ static bool is_positive(const encoder *e) {
     return true;
 }
 
+/* ---- the T-mesh
+ * ----------------------------------------------------------------------------------------------------- */
+
+static void report_tmesh(bw_report *report, const bw_tmesh *mesh, bool hexes, double seconds) {
+    const bw_complex *x = mesh->atlas->complex;
+    uint64_t arcs = 0;
+    for (size_t a = 0; a < x->arc_count; a++) arcs += bw_tmesh_is_extraordinary(x, (bw_arc)a);
+    report->has_tspline = true;
+    snprintf(report->tspline.knots, sizeof report->tspline.knots, "%s", hexes ? "hexes" : "map");
+    report->tspline.blocks = x->block_count, report->tspline.cells = mesh->cell_count;
+    report->tspline.added_cells = mesh->cell_count - x->block_count, report->tspline.refined_blocks = mesh->refined_blocks;
+    report->tspline.vertices = mesh->vertex_count, report->tspline.t_joints = mesh->joint_count;
+    report->tspline.extraordinary_arcs = arcs;
+    report->tspline.seconds = seconds;
+}
+
+/* With knots in hexes where all integer lengths are positive, else in units of the map. */
+static bw_status write_tmesh(encoder *e) {
+    bool hexes = e->length && is_positive(e);
+    double since = bw_seconds_now();
+    bw_atlas atlas = {0};
+    bw_tmesh mesh = {0};
+    bw_status status = bw_atlas_init(e->ctx, e->cells, e->complex, hexes ? e->length : e->complex->arc_length, &atlas);
+    if (status == BW_OK) status = bw_tmesh_init(e->ctx, &atlas, &mesh);
+    if (status == BW_OK) status = bw_tmesh_check(e->ctx, &mesh);
+    if (status == BW_OK && !(e->tmesh_position = bw_alloc(e->ctx, mesh.vertex_count, sizeof *e->tmesh_position))) status = e->ctx->error.status;
+    if (status == BW_OK) status = bw_tmesh_positions(e->ctx, &mesh, e->tmesh_position);
+    e->tmesh = &mesh;
+    if (status == BW_OK) report_tmesh(e->report, &mesh, hexes, bw_seconds_now() - since);
+    if (status == BW_OK) status = write_result(e, "tmesh.json", write_tmesh_json);
+    if (status == BW_OK) status = write_result(e, "tmesh.vtu", write_tmesh_vtu);
+    bw_free(e->ctx, e->tmesh_position);
+    bw_tmesh_clear(e->ctx, &mesh), bw_atlas_clear(e->ctx, &atlas);
+    return status;
+}
+
 /* ---- the stage
  * --------------------------------------------------------------------------------------------------- */
 
@@ -232,6 +279,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK && length && report->sweep_count) status = write_result(&e, "sizes.svg", write_sizes);
     if (status == BW_OK) status = write_result(&e, "view.drc", write_view);
     if (status == BW_OK && options->vtk) status = write_vtm(&e);
+    if (status == BW_OK && options->tmesh) status = write_tmesh(&e);
     if (status == BW_OK && e.source) status = write_result(&e, "labels.txt", write_labels);
     if (status == BW_OK && e.source) status = write_result(&e, "walls.txt", write_walls);
     if (status == BW_OK && e.hex) status = write_hex_formats(&e, options->hex_formats);

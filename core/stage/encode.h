@@ -8,6 +8,7 @@
  *                    unless that has more than 300 000 tets                                (format/igm_hexex.h, igm/overlay.h)
  *     labels.txt, walls.txt  of an input of hexahedra: blocks of its hexes, walls between them (format/hex_labels.h)
  *     hexmesh.*      with a hex mesh: in the formats asked for; of an input of hexahedra without quantization: that, with its blocks (format/hex_write.h)
+ *     tmesh.json, tmesh.vtu  if asked for: the T-mesh for solid T-splines                  (format/tmesh_json.h)
  *     view.drc       walls, skins and curves for a viewer                                  (format/view.h)
  *
  * report.json is the pipeline's to write, when the stage's own time is known.
@@ -22,6 +23,7 @@
 
 typedef struct {
     bool vtk;              /* also complex.vtm and its files */
+    bool tmesh;            /* also tmesh.json and tmesh.vtu */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: write hexmesh.<its name> */
     const bw_igm *igm;     /* the integer-grid map; NULL: none. Borrowed */
     const bw_hex_mesh *source;      /* the hexes of an input of hexahedra, labelled; NULL: the input has tets. Borrowed */

@@ -48,10 +48,11 @@ static inline void encode_prepare(encoded *e, const char *name, int size, double
     e->folder = kit_temp_path("%s-%d-%d", name, size, (int)kind);
 }
 
-static inline void encode_run(encoded *e) {
-    kit_expect_ok(&e->ctx,
-                  bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, e->length, NULL, &(bw_encode_options){0}, &e->report, e->folder));
+static inline void encode_run_with(encoded *e, const bw_encode_options *options) {
+    kit_expect_ok(&e->ctx, bw_encode(&e->ctx, &e->mesh, &e->map, &e->cells, &e->complex, e->length, NULL, options, &e->report, e->folder));
 }
+
+static inline void encode_run(encoded *e) { encode_run_with(e, &(bw_encode_options){0}); }
 
 static inline char *encode_read(const encoded *e, const char *file, size_t *size) {
     return kit_read_file(kit_temp_path("%s/%s", strrchr(e->folder, '/') + 1, file), size);

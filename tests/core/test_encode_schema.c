@@ -1,4 +1,4 @@
-/* report.json, blocks.json and constraints.json keep to api/schemas. The validator below knows the words of JSON Schema that
+/* report.json, blocks.json, tmesh.json and constraints.json keep to api/schemas. The validator below knows the words of JSON Schema that
  * the schemas use and fails on any other, so that no rule is passed over in silence. */
 #include "core/encode_kit.h"
 #include "core/hex_kit.h"
@@ -169,7 +169,7 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         encode_prepare(&e, samples[i].name, 1, 0.5, samples[i].kind);
         bw_quantize_options size = {.range = BW_QUANTIZE_POSITIVE, .scale = 1, .seconds = 10, .scale_count = 2, .scales = {0, 2}};
         if (i) kit_expect_ok(&e.ctx, bw_quantize(&e.ctx, &e.cells, &e.complex, &size, &e.length, &e.report));
-        encode_run(&e);
+        encode_run_with(&e, &(bw_encode_options){.tmesh = true});
         e.report.has_sanitize = true;
         e.report.sanitize.grid_exponent = e.map.exponent;
         e.report.has_repaired = i % 2;
@@ -181,8 +181,9 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
                                               kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));
         static const char *const pair[][2] = {{"blocks.json", "blocks.schema.json"},
                                               {"report.json", "report.schema.json"},
+                                              {"tmesh.json", "tmesh.schema.json"},
                                               {"constraints.json", "constraints.schema.json"}};
-        for (int f = 0; f < (i ? 3 : 2); f++) {
+        for (int f = 0; f < (i ? 4 : 3); f++) {
             json_t *value = encoded_json(&e, pair[f][0]);
             if (!keeps_to(pair[f][1], value)) fail_msg("%s of %s: %s", pair[f][0], samples[i].name, fault);
             json_decref(value);

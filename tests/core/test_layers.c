@@ -1,4 +1,4 @@
-/* Who may include whom (core/README.md): base <- exact <- solve, mesh <- complex <- quantize <- format, stage <- pipeline.
+/* Who may include whom (core/README.md): base <- exact <- solve, mesh <- complex <- quantize <- igm <- hex <- tspline <- format, stage <- pipeline.
  *
  * Read from the #include lines of all sources. A folder may include itself and the folders before it; solve and mesh, and
  * format and stage, stand side by side. No stage includes another. The daemon includes nothing of core but base/status; only the
@@ -24,8 +24,9 @@ static const layer layers[] = {
     {"quantize", " base exact solve mesh complex "},
     {"igm", " base exact solve mesh complex quantize "},
     {"hex", " base exact solve mesh complex quantize igm "},
-    {"format", " base exact solve mesh complex quantize igm hex "},
-    {"stage", " base exact solve mesh complex quantize igm hex format "}, /* stages read and write through format */
+    {"tspline", " base exact solve mesh complex quantize igm hex "},
+    {"format", " base exact solve mesh complex quantize igm hex tspline "},
+    {"stage", " base exact solve mesh complex quantize igm hex tspline format "}, /* stages read and write through format */
 };
 
 static const layer *layer_of(const char *folder, size_t length) {
