@@ -49,6 +49,7 @@ typedef struct {
     uint64_t max_hexes;    /* work limit of extract (BW_E_LIMIT beyond) */
     bool smooth;           /* extract also moves the vertices of the hex mesh, on the surface, to better shapes */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: encode writes the hex mesh, if there is one, as that */
+    int bwh_bits;          /* bits of a coordinate in hexmesh.bwh, over the box of the mesh: 1..24; 0: lossless */
     bool vtk;            /* encode also writes the complex as a multi-block VTK data set */
     bool tmesh;          /* encode also writes the T-mesh: the complex refined around its extraordinary arcs for solid T-splines */
     const char *parameters; /* side file with the parameters of a Medit mesh; NULL: none. A path, borrowed; no JSON option */

@@ -215,7 +215,7 @@ static bw_status run_extract(bw_context *ctx, const bw_options *options, bw_stat
 }
 
 static bw_status run_encode(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
-    bw_encode_options how = {options->vtk, options->tmesh, options->hex_formats, state->has_igm ? &state->igm : NULL, state->has_source ? &state->source : NULL, state->source_vertex};
+    bw_encode_options how = {options->vtk, options->tmesh, options->hex_formats, options->bwh_bits, state->has_igm ? &state->igm : NULL, state->has_source ? &state->source : NULL, state->source_vertex};
     const bw_hex_mesh *hex = state->has_hex ? &state->hex : NULL;
     return bw_encode(ctx, &state->mesh, &state->map, &state->cells, &state->complex, state->length, hex, &how, &state->report, out);
 }
@@ -233,7 +233,7 @@ static const struct {
     [BW_STAGE_QUANTIZE] = {"quantize", 8, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 2, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 5, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 12, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 13, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -367,6 +367,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         o->smooth = i == 1;
     } else if (!strcmp(name, "hex_formats")) {
         return set_hex_formats(ctx, o, value);
+    } else if (!strcmp(name, "bwh_bits")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 0 || json_integer_value(value) > 24)
+            return bw_fail(ctx, BW_E_USAGE, "option bwh_bits is an integer from 0 to 24");
+        o->bwh_bits = (int)json_integer_value(value);
     } else if (!strcmp(name, "until")) {
         if (!word || bw_stage_from_name(word, &o->until) != BW_OK)
             return bw_fail(ctx, BW_E_USAGE, "option until is the name of a stage");

@@ -61,6 +61,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->max_hexes > 0) json_object_set_new(json, "max_hexes", json_integer(o->max_hexes));
     if (o->smooth) json_object_set_new(json, "smooth", json_string(o->smooth));
     if (o->hex_formats) json_object_set_new(json, "hex_formats", names(o->hex_formats));
+    if (o->bwh_bits > 0) json_object_set_new(json, "bwh_bits", json_integer(o->bwh_bits));
     if (o->vtk) json_object_set_new(json, "vtk", json_string("yes"));
     if (o->tmesh) json_object_set_new(json, "tmesh", json_string("yes"));
     if (o->repair) json_object_set_new(json, "repair", json_true());

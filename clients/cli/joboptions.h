@@ -12,7 +12,7 @@ typedef struct {
     const char *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
-    int64_t max_cells, subdivide, max_hexes; /* 0: not given */
+    int64_t max_cells, subdivide, max_hexes, bwh_bits; /* 0: not given */
     const char *quantize, *route, *smooth; /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
     bool coarsest, fewest_hexes, rounding;
@@ -62,6 +62,8 @@ typedef struct {
      "move vertices of the hex mesh, on the surface, to better shapes (default on)", 0, 0},                  \
     {"hex-formats", 0, CLI_TEXT, offsetof(settings, job.hex_formats), "F,F,...",                             \
      "of the hex mesh: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
+    {"bwh-bits", 0, CLI_INTEGER, offsetof(settings, job.bwh_bits), "N",                                      \
+     "bits of a coordinate in hexmesh.bwh, 1..24 (default: lossless)", 1, 24},                               \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \
      "also write the complex for VTK and ParaView (complex.vtm)", 0, 0},                                     \
     {"tmesh", 0, CLI_FLAG, offsetof(settings, job.tmesh), NULL,                                              \

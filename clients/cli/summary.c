@@ -1,6 +1,7 @@
 #include "summary.h"
 
 #include <dirent.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -124,6 +125,20 @@ static void hex_quality(const json_t *q) {
     printf("\n");
 }
 
+/* What the hex mesh takes in the compact form, beside what the paper's model of such a coder estimates. */
+static void compression(const json_t *c) {
+    if (!json_is_object(c)) return;
+    const json_t *w = json_object_get(c, "written");
+    printf("%-15s E_g %.2f bits per vertex at %.0f bits (entropies by block: %.2f); blocks %.3g times as long as wide in the mean", "compression", number(c, "estimate_pooled"),
+           number(c, "bits"), number(c, "estimate_blocks"), number(c, "cube_ratio") / fmax(number(c, "blocks"), 1));
+    if (json_is_object(w)) {
+        printf("\n%-15s %.2f bits per vertex, %.2f of them coordinates, ", "hexmesh.bwh", number(w, "bits_per_vertex"), number(w, "bits_per_vertex_places"));
+        if (number(w, "bits") > 0) printf("%.0f bits each, off by %.3g at most", number(w, "bits"), number(w, "error_max"));
+        else printf("lossless");
+    }
+    printf("\n");
+}
+
 static void stages(const json_t *list) {
     size_t index;
     json_t *stage;
@@ -153,6 +168,7 @@ void cli_summary_print(const json_t *report) {
     complexes(json_object_get(report, "complex"));
     quantization(json_object_get(report, "quantization"));
     hex_quality(json_object_get(report, "hex_quality"));
+    compression(json_object_get(report, "compression"));
     const json_t *quality = json_object_get(report, "quality");
     range_line("block extent", json_object_get(quality, "block_extent"), "in the map");
     range_line("block aspect", json_object_get(quality, "block_aspect"), "longest over shortest extent");

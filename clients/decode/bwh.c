@@ -10,7 +10,7 @@
 #error "predictions are sums of doubles, rounded after each step"
 #endif
 
-enum { VERSION = 2, HEADER = 64, LATTICE_SIZE = 48, MOST_DIGITS = 15, LEAST_BITS = 4, MOST_BITS = 24, MODEL_MOST = 127 };
+enum { VERSION = 2, HEADER = 64, LATTICE_SIZE = 48, MOST_DIGITS = 15, LEAST_BITS = 1, MOST_BITS = 24, MODEL_MOST = 127 };
 enum { DOUBLES, DECIMAL, LATTICE };
 /* No byte of a range-coded stream stands for more: a decision costs 0.0024 bits at least, a vertex takes 21 of them, a part 15, a point on the outside or a corner one. */
 enum { VERTICES_MOST = 192, PARTS_MOST = 256, POINTS_MOST = 4096 };

@@ -18,7 +18,7 @@ export class BwhError extends Error {
 
 export const ring = [0, 1, 3, 2, 4, 5, 7, 6];
 
-const VERSION = 2, HEADER = 64, LATTICE_SIZE = 48, MOST_DIGITS = 15, LEAST_BITS = 4, MOST_BITS = 24, MODEL_MOST = 127, INT32_MAX = 2147483647;
+const VERSION = 2, HEADER = 64, LATTICE_SIZE = 48, MOST_DIGITS = 15, LEAST_BITS = 1, MOST_BITS = 24, MODEL_MOST = 127, INT32_MAX = 2147483647;
 const DOUBLES = 0, DECIMAL = 1, LATTICE = 2;
 // No byte of a range-coded stream stands for more: a decision costs 0.0024 bits at least, a vertex takes 21 of them, a part 15, a point on the outside or a corner one.
 const VERTICES_MOST = 192, PARTS_MOST = 256, POINTS_MOST = 4096;

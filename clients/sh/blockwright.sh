@@ -12,7 +12,7 @@ Usage: blockwright.sh COMMAND ...
 
   submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
-         [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...]
+         [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...] [--bwh-bits N]
          [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
@@ -232,6 +232,7 @@ submit() {
     [ -z "$subdivide" ] || options="${options:+$options, }\"subdivide\": $subdivide"
     [ -z "$smooth" ] || options="${options:+$options, }\"smooth\": $(quoted "$smooth")"
     [ -z "$formats" ] || options="${options:+$options, }\"hex_formats\": [$(quoted "$formats" | sed 's/,/", "/g')]"
+    [ -z "$bits" ] || options="${options:+$options, }\"bwh_bits\": $bits"
     [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
     printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
@@ -383,7 +384,7 @@ repair=no
 route=
 subdivide=
 smooth=
-formats=
+formats= bits=
 rounding=no
 out=
 complex=
@@ -407,7 +408,7 @@ while [ $# -gt 0 ]; do
     --rounding) rounding=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --until | --name | --parameters)
+    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -421,6 +422,7 @@ while [ $# -gt 0 ]; do
         --subdivide) number "$1" "$2" && subdivide=$2 ;;
         --smooth) smooth=$2 ;;
         --hex-formats) formats=$2 ;;
+        --bwh-bits) number "$1" "$2" && bits=$2 ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
         --parameters) parameters=$2 ;;

@@ -22,7 +22,7 @@
 
 #include "format/hex_write.h"
 
-enum { BW_BWH_VERSION = 2, BW_BWH_LEAST_BITS = 4, BW_BWH_MOST_BITS = 24 };
+enum { BW_BWH_VERSION = 2, BW_BWH_LEAST_BITS = 1, BW_BWH_MOST_BITS = 24 };
 
 typedef enum {
     BW_BWH_DOUBLES, /* parameter: how many low bits no coordinate has */

@@ -4,6 +4,9 @@
 
 #include "format/report_json.h"
 
+#include <float.h>
+#include <math.h>
+
 void bw_report_fill_input(bw_report *report, const bw_tet_mesh *mesh) {
     report->has_input = true;
     snprintf(report->input.kind, sizeof report->input.kind, report->input.hexes ? "hex" : "tet");
@@ -116,4 +119,32 @@ void bw_report_fill_hex_quality(bw_report *report, const bw_hex_mesh *hex, const
     report->hex_quality.hausdorff_relative = distance->diagonal > 0 ? report->hex_quality.hausdorff / distance->diagonal : 0;
     report->hex_quality.volume_difference = distance->input_volume > 0 ? quality->volume / distance->input_volume - 1 : 0;
     report->has_hex_quality = true;
+}
+
+void bw_report_fill_compression(bw_report *report, const bw_predict_report *p, int bits) {
+    report->has_compression = true;
+    report->compression.blocks = p->blocks;
+    report->compression.vertices = p->vertices;
+    report->compression.vertices_coded = p->vertices_coded;
+    report->compression.coordinates_wrong = p->coordinates_wrong;
+    report->compression.bits = (uint64_t)bits;
+    report->compression.estimate_pooled = p->e_g_pooled;
+    report->compression.estimate_blocks = p->e_g_blocks;
+    report->compression.cube_ratio = p->cube_ratio;
+    report->compression.cube_ratio_lengths = fmin(p->cube_ratio_lengths, DBL_MAX); /* JSON knows no infinity */
+}
+
+void bw_report_fill_written(bw_report *report, const bw_bwh_sizes *sizes, int bits, size_t vertices) {
+    uint64_t bytes = sizes->header + sizes->shape + sizes->places;
+    report->has_written = true;
+    report->compression.written.bits = (uint64_t)bits;
+    report->compression.written.error_max = 0;
+    for (int k = 0; k < 3; k++)
+        if (sizes->step[k] / 2 > report->compression.written.error_max) report->compression.written.error_max = sizes->step[k] / 2;
+    report->compression.written.bytes = bytes;
+    report->compression.written.bytes_header = sizes->header;
+    report->compression.written.bytes_shape = sizes->shape;
+    report->compression.written.bytes_places = sizes->places;
+    report->compression.written.bits_per_vertex = 8 * (double)bytes / (double)vertices;
+    report->compression.written.bits_per_vertex_places = 8 * (double)sizes->places / (double)vertices;
 }

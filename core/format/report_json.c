@@ -34,6 +34,8 @@ typedef struct {
 #define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
 #define SMOOTHING(type, name) MEMBER("hex_quality", "smoothing", type, hex_quality.smoothing., name)
 #define TSPLINE(type, name) MEMBER("tspline", NULL, type, tspline., name)
+#define COMPRESSION(type, name) MEMBER("compression", NULL, type, compression., name)
+#define WRITTEN(type, name) MEMBER("compression", "written", type, compression.written., name)
 #define QUALITY(type, name) MEMBER("quality", NULL, type, quality., name)
 
 static const field fields[] = {
@@ -206,6 +208,23 @@ static const field fields[] = {
     SMOOTHING(NUMBER, off_surface_mean),
     SMOOTHING(COUNT, vertices_off_surface),
     SMOOTHING(NUMBER, seconds),
+    COMPRESSION(COUNT, blocks),
+    COMPRESSION(COUNT, vertices),
+    COMPRESSION(COUNT, vertices_coded),
+    COMPRESSION(COUNT, coordinates_wrong),
+    COMPRESSION(COUNT, bits),
+    COMPRESSION(NUMBER, estimate_pooled),
+    COMPRESSION(NUMBER, estimate_blocks),
+    COMPRESSION(NUMBER, cube_ratio),
+    COMPRESSION(NUMBER, cube_ratio_lengths),
+    WRITTEN(COUNT, bits),
+    WRITTEN(NUMBER, error_max),
+    WRITTEN(COUNT, bytes),
+    WRITTEN(COUNT, bytes_header),
+    WRITTEN(COUNT, bytes_shape),
+    WRITTEN(COUNT, bytes_places),
+    WRITTEN(NUMBER, bits_per_vertex),
+    WRITTEN(NUMBER, bits_per_vertex_places),
     QUALITY(RANGE, block_extent),
     QUALITY(RANGE, block_aspect),
     QUALITY(RANGE, block_volume),
@@ -234,6 +253,7 @@ static const struct {
     {"reparametrize", offsetof(bw_report, has_reparametrize)},
     {"extract", offsetof(bw_report, has_extract)},
     {"hex_quality", offsetof(bw_report, has_hex_quality)},
+    {"compression", offsetof(bw_report, has_compression)},
     {"quality", offsetof(bw_report, has_quality)},
     {"tspline", offsetof(bw_report, has_tspline)},
 };
@@ -247,6 +267,7 @@ static const struct {
     {"repaired", offsetof(bw_report, has_repaired)},
     {"rounding", offsetof(bw_report, has_rounding)},
     {"smoothing", offsetof(bw_report, has_smoothing)},
+    {"written", offsetof(bw_report, has_written)},
 };
 
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };

@@ -11,6 +11,8 @@
 #define BW_FORMAT_REPORT_JSON_H
 
 #include "complex/complex.h"
+#include "format/hex_bwh.h"
+#include "hex/predict.h"
 #include "hex/quality.h"
 
 enum { BW_REPORT_VERSION = 1, BW_REPORT_STAGES = 16, BW_REPORT_RESULTS = 32, BW_REPORT_SWEEP = 64 };
@@ -79,6 +81,7 @@ typedef struct {
     bool has_hex_quality;
     bool has_tspline;
     bool has_smoothing; /* hex_quality.smoothing */
+    bool has_compression, has_written; /* compression.written */
 
     struct {
         char file[256]; /* name without its folder; may be empty */
@@ -170,6 +173,19 @@ typedef struct {
         } smoothing;
     } hex_quality;
 
+    struct { /* what the hex mesh costs to code by its blocks (hex/predict.h), and what it takes in hexmesh.bwh; bits are per vertex of the mesh */
+        uint64_t blocks, vertices, vertices_coded, coordinates_wrong;
+        uint64_t bits;                           /* of a coordinate, for the estimates */
+        double estimate_pooled, estimate_blocks; /* E_g, with entropies of the whole mesh and of each block */
+        double cube_ratio, cube_ratio_lengths;   /* longest side by shortest, summed over blocks: in hexes, and in lengths */
+        struct {
+            uint64_t bits;                             /* of a coordinate; 0: lossless */
+            double error_max;                          /* of a coordinate: half a step of the lattice, in the input's unit */
+            uint64_t bytes, bytes_header, bytes_shape, bytes_places; /* shape: blocks and connectivity; places: coordinates */
+            double bits_per_vertex, bits_per_vertex_places;
+        } written;
+    } compression;
+
     struct {
         bw_report_range block_extent; /* parameter units, over all three extents of all blocks */
         bw_report_range block_aspect; /* longest extent over shortest, per block */
@@ -208,6 +224,8 @@ void bw_report_fill_walls(bw_report *report, const bw_cells *cells); /* of it on
 void bw_report_fill_complex(bw_report *report, const bw_complex *complex, const char *kind);
 void bw_report_fill_hex_quality(bw_report *report, const bw_hex_mesh *hex, const bw_hex_quality *quality, const bw_hex_distance *distance);
 void bw_report_fill_reduced(bw_report *report, const bw_complex *complex, const char *mode); /* the counts of complex.reduced */
+void bw_report_fill_compression(bw_report *report, const bw_predict_report *predicted, int bits);
+void bw_report_fill_written(bw_report *report, const bw_bwh_sizes *sizes, int bits, size_t vertices); /* into compression */
 
 /* JSON text, newline at the end; free() it. NULL if out of memory. */
 char *bw_report_to_json(const bw_report *report);

@@ -30,6 +30,8 @@ typedef struct {
     const bw_vertex *source_vertex;
     bw_hex_skin skin;
     bw_hex_format hex_format; /* of the file that is being written */
+    int bwh_bits;
+    bw_bwh_sizes bwh_sizes;
     bw_report *report;
     const char *folder;
     bw_tessellation tessellation;
@@ -85,6 +87,13 @@ static bw_status write_hexes(encoder *e, const char *path, uint64_t *bytes) {
     return bw_hex_formats[e->hex_format].write(e->ctx, e->hex, &e->skin, path, bytes);
 }
 
+/* The compact form has a choice that the others have not, and tells what of it is what. */
+static bw_status write_compact(encoder *e, const char *path, uint64_t *bytes) {
+    bw_status status = bw_bwh_write(e->ctx, e->hex, e->bwh_bits, path, &e->bwh_sizes);
+    *bytes = e->bwh_sizes.header + e->bwh_sizes.shape + e->bwh_sizes.places;
+    return status;
+}
+
 static bw_status write_labels(encoder *e, const char *path, uint64_t *bytes) { return bw_hex_labels_write(e->ctx, e->source, path, bytes); }
 
 static bw_status write_walls(encoder *e, const char *path, uint64_t *bytes) {
@@ -137,10 +146,21 @@ static bw_status write_hex_formats(encoder *e, unsigned formats) {
         if (!(formats >> f & 1)) continue;
         e->hex_format = (bw_hex_format)f;
         snprintf(name, sizeof name, "hexmesh.%s", bw_hex_formats[f].name);
-        status = write_result(e, name, write_hexes);
+        status = write_result(e, name, f == BW_HEX_FORMAT_BWH ? write_compact : write_hexes);
     }
     bw_hex_skin_clear(e->ctx, &e->skin);
     return status;
+}
+
+/* What coding the hex mesh by its blocks costs: estimated, and measured where it was written. */
+static bw_status measure_compression(encoder *e, unsigned formats) {
+    bw_predict_report predicted;
+    bool known;
+    bw_status status = bw_predict_mesh(e->ctx, e->hex, BW_PREDICT_BITS, &known, &predicted);
+    if (status != BW_OK || !known) return status;
+    bw_report_fill_compression(e->report, &predicted, BW_PREDICT_BITS);
+    if (formats >> BW_HEX_FORMAT_BWH & 1) bw_report_fill_written(e->report, &e->bwh_sizes, e->bwh_bits, e->hex->vertex_count);
+    return BW_OK;
 }
 
 /* ---- quality
@@ -268,7 +288,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (cells->mesh != mesh || cells->map != map)
         return bw_fail(ctx, BW_E_INTERNAL, "the cell complex belongs to another mesh");
     encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex ? hex : options->source, .source = options->source, .source_vertex = options->source_vertex,
-                 .report = report, .folder = out_dir};
+                 .report = report, .folder = out_dir, .bwh_bits = options->bwh_bits};
     bw_igm own = {0};
     bw_status status = prepare(&e, cells);
     if (status == BW_OK && hex && length && !e.igm && is_positive(&e)) status = find_block_map(&e, cells, &own);
@@ -283,6 +303,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     if (status == BW_OK && e.source) status = write_result(&e, "labels.txt", write_labels);
     if (status == BW_OK && e.source) status = write_result(&e, "walls.txt", write_walls);
     if (status == BW_OK && e.hex) status = write_hex_formats(&e, options->hex_formats);
+    if (status == BW_OK && e.hex) status = measure_compression(&e, options->hex_formats);
     if (status == BW_OK) status = measure_blocks(&e);
     if (status == BW_OK) bw_progress(ctx, 1);
     bw_igm_clear(ctx, &own);

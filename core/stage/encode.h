@@ -25,13 +25,14 @@ typedef struct {
     bool vtk;              /* also complex.vtm and its files */
     bool tmesh;            /* also tmesh.json and tmesh.vtu */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: write hexmesh.<its name> */
+    int bwh_bits;          /* of a coordinate in hexmesh.bwh; 0: lossless */
     const bw_igm *igm;     /* the integer-grid map; NULL: none. Borrowed */
     const bw_hex_mesh *source;      /* the hexes of an input of hexahedra, labelled; NULL: the input has tets. Borrowed */
     const bw_vertex *source_vertex; /* [vertex of source] its number in the input; NULL: the same. Borrowed */
 } bw_encode_options;
 
-/* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality
- * and results of the report; its complex.kind says which complex this is. cells was made from mesh and map;
+/* Writes the files into the folder out_dir, which is made if it is missing (its parent is not). Fills quality,
+ * compression (of a hex mesh all of whose blocks are grids) and results of the report; its complex.kind says which complex this is. cells was made from mesh and map;
  * all its tets are opened. length: integer lengths of the arcs, or NULL; hex: the hex mesh, or NULL.
  * Each file appears whole or not at all. The same input gives the same bytes. Errors: BW_E_IO, BW_E_MEMORY,
  * BW_E_CHECK, BW_E_CANCELLED. */

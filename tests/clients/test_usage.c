@@ -48,6 +48,7 @@ static const struct {
     {{"run", "a", "--out", "d", "--quantize", "any", "--hex-formats", "vtu,stl"}, "option hex_formats is a list"},
     {{"run", "a", "--out", "d", "--quantize", "any", "--hex-formats", "vtu,"}, "option hex_formats is a list"},
     {{"run", "a", "--out", "d", "--hex-formats", "vtu"}, "wants --quantize"},
+    {{"run", "a", "--out", "d", "--bwh-bits", "25"}, "--bwh-bits takes a whole number from 1 to 24"},
     {{"run", "a", "--out", "d", "--quantize", "any", "--scale", "2", "--coarsest"}, "only one of --scale"},
     {{"run", "a", "--out", "d", "--scale", "2"}, "wants --quantize positive, nonnegative or any"},
     {{"run", "a", "--out", "d", "--smooth", "off"}, "wants --quantize positive, nonnegative or any"},

@@ -159,6 +159,8 @@ static void fill_hexes(bw_context *ctx, bw_report *report, bool smoothing) {
     kit_expect_ok(ctx, bw_hex_measure(ctx, &mesh, &quality));
     bw_report_fill_hex_quality(report, &mesh, &quality, &(bw_hex_distance){.diagonal = 1, .to_input = 0.1, .input_volume = 2});
     report->has_smoothing = smoothing;
+    bw_report_fill_compression(report, &(bw_predict_report){.blocks = 1, .vertices = 27, .vertices_coded = 27, .e_g_pooled = 1, .cube_ratio = 1, .cube_ratio_lengths = INFINITY}, 12);
+    if (smoothing) bw_report_fill_written(report, &(bw_bwh_sizes){64, 20, 30, {0.5, 0.25, 0}}, 12, 27);
     bw_hex_mesh_clear(ctx, &mesh);
 }
 

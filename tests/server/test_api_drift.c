@@ -71,6 +71,7 @@ static void defaults_of_options_are_those_of_the_core(void **state) {
     assert_true(stated.tolerance == plain.tolerance);
     assert_true(stated.max_cells == plain.max_cells);
     assert_int_equal(stated.hex_formats, plain.hex_formats);
+    assert_int_equal(stated.bwh_bits, plain.bwh_bits);
     free(text);
     json_decref(all);
 }
