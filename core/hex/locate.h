@@ -42,7 +42,7 @@ bw_status bw_locator_init(bw_context *ctx, const bw_blockwise *map, bw_locator *
 bw_status bw_locator_init_blocks(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_locator *locator);
 void bw_locator_clear(bw_context *ctx, bw_locator *locator);
 
-/* A point of a block's chart; of a patch's frame; at `at` grid units from the first node of an arc; a node. For several threads at a time. */
+/* A point of a block's chart; of a patch's frame; a node. For several threads at a time. */
 void bw_locate_in_block(const bw_locator *locator, bw_block block, const double p[3], double position[3], bw_hold *hold);
 void bw_locate_in_patch(const bw_locator *locator, bw_patch patch, const double p[2], double position[3], bw_hold *hold);
 void bw_locate_node(const bw_locator *locator, bw_node node, double position[3], bw_hold *hold);

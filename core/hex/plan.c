@@ -58,7 +58,7 @@ bw_status bw_hex_plan_init(bw_context *ctx, const bw_cells *cells, const bw_comp
     for (size_t b = 0; b < complex->block_count; b++) {
         __int128 n = 1;
         for (int k = 0; k < 3; k++) {
-            plan->size[b][k] = 2 * subdivide * plan->verifier.extent[b][k];
+            plan->size[b][k] = 2 * (int64_t)subdivide * plan->verifier.extent[b][k];
             n *= plan->size[b][k] / 2;
         }
         if (n > UINT32_MAX || plan->cubes + (uint64_t)n > UINT32_MAX) return bw_fail(ctx, BW_E_LIMIT, "the quantization has more hexes than can be numbered");

@@ -35,7 +35,7 @@ typedef struct {
 
 typedef enum { BW_PLAN_CUBE, BW_PLAN_OUTSIDE, BW_PLAN_NOTHING } bw_plan_step;
 
-/* BW_E_CHECK if the lengths are not valid. */
+/* BW_E_CHECK if the lengths are not valid; BW_E_LIMIT beyond 2^32 - 1 hexes. After a failure too *plan is to be cleared. */
 bw_status bw_hex_plan_init(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, int32_t subdivide, bw_hex_plan *plan);
 void bw_hex_plan_clear(bw_context *ctx, bw_hex_plan *plan);
 

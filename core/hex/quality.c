@@ -64,20 +64,27 @@ static void add(bw_hex_range *range, double value, bool first) {
     range->mean += value;
 }
 
-static void measure_hexes(const bw_hex_mesh *mesh, bw_hex_quality *q) {
+/* The bin of a scaled Jacobian; the first for what is no number. */
+static int bin_of(double value) {
+    double bin = (value + 1) * (BW_HEX_BINS / 2);
+    return bin >= BW_HEX_BINS ? BW_HEX_BINS - 1 : bin > 0 ? (int)bin : 0;
+}
+
+static bw_status measure_hexes(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_quality *q) {
     q->hexes = mesh->hex_count;
     for (size_t h = 0; h < mesh->hex_count; h++) {
         double corner[8][3];
         bw_hex_corners(mesh, (bw_hex)h, corner);
         double value = bw_hex_scaled_jacobian((const double(*)[3])corner);
-        int bin = (int)floor((value + 1) * (BW_HEX_BINS / 2));
-        q->histogram[bin < 0 ? 0 : bin < BW_HEX_BINS ? bin : BW_HEX_BINS - 1]++;
+        if (h % 65536 == 0 && bw_poll(ctx)) return ctx->error.status;
+        q->histogram[bin_of(value)]++;
         q->nonpositive += !(value > 0);
         q->volume += volume_of((const double(*)[3])corner);
         add(&q->scaled_jacobian, value, h == 0);
         keep_worst(q, (bw_hex)h, value, (const double(*)[3])corner);
     }
     if (mesh->hex_count) q->scaled_jacobian.mean /= (double)mesh->hex_count;
+    return BW_OK;
 }
 
 static void measure_edges(const bw_hex_mesh *mesh, const bw_hex_skin *skin, bw_hex_quality *q) {
@@ -94,10 +101,7 @@ static void measure_edges(const bw_hex_mesh *mesh, const bw_hex_skin *skin, bw_h
 bw_status bw_hex_measure(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_quality *quality) {
     bw_hex_skin skin;
     *quality = (bw_hex_quality){0};
-    if (bw_hex_skin_init_all(ctx, mesh, &skin) == BW_OK) {
-        measure_hexes(mesh, quality);
-        measure_edges(mesh, &skin, quality);
-    }
+    if (bw_hex_skin_init_all(ctx, mesh, &skin) == BW_OK && measure_hexes(ctx, mesh, quality) == BW_OK) measure_edges(mesh, &skin, quality);
     bw_hex_skin_clear(ctx, &skin);
     return ctx->error.status;
 }

@@ -48,7 +48,7 @@ double bw_hex_corner_jacobian(const double corner[8][3], int c);
 /* Least over the 8 corners. */
 double bw_hex_scaled_jacobian(const double corner[8][3]);
 void bw_hex_corners(const bw_hex_mesh *mesh, bw_hex hex, double corner[8][3]);
-/* O(n log n). Errors: BW_E_MEMORY. The same bits at any thread count. */
+/* O(n). Errors: BW_E_MEMORY, BW_E_CANCELLED. The same bits at any thread count. */
 bw_status bw_hex_measure(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_quality *quality);
 /* O(n log n). Errors: BW_E_MEMORY, BW_E_CANCELLED. */
 bw_status bw_hex_measure_distance(bw_context *ctx, const bw_hex_mesh *mesh, const bw_hex_surface *surface, bw_hex_distance *distance);

@@ -31,7 +31,7 @@ typedef struct {
     bw_hex_edge *edge;
 } bw_hex_skin;
 
-/* Requires indices in range; O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
+/* Requires indices in range; O(n). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. After a failure too *skin is to be cleared. */
 bw_status bw_hex_skin_init(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);
 /* `edge` lists all edges, not the irregular ones only. */
 bw_status bw_hex_skin_init_all(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_skin *skin);

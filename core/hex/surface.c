@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/forest.h"
+
 static const double sharp_curve = 30, sharp_point = 45; /* degrees */
 
 enum { CANDIDATE = 1, FEATURE = 2, KEPT = 4 };
@@ -37,16 +39,6 @@ static void normal_of(const bw_hex_surface *s, int32_t triangle, double out[3]) 
     double u[3], v[3];
     subtract(p[t[1]], p[t[0]], u), subtract(p[t[2]], p[t[0]], v);
     cross(u, v, out);
-}
-
-static int32_t find(int32_t *parent, int32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-static void unite(int32_t *parent, int32_t a, int32_t b) { /* the lower one represents both */
-    a = find(parent, a), b = find(parent, b);
-    if (a < b) parent[b] = a;
-    if (b < a) parent[a] = b;
 }
 
 /* ---- triangles -------------------------------------------------------------------------------------------------- */
@@ -127,7 +119,7 @@ static void unite_chains(builder *b, const uint8_t *stop) {
     const bw_tet_mesh *m = b->surface->mesh;
     for (size_t e = 0; e < m->edge_count; e++) b->parent[e] = (int32_t)e;
     for (size_t v = 0; v < m->vertex_count; v++)
-        if (b->degree[v] == 2 && !(stop && stop[v])) unite(b->parent, b->near[v][0], b->near[v][1]);
+        if (b->degree[v] == 2 && !(stop && stop[v])) bw_forest_join(b->parent, b->near[v][0], b->near[v][1]);
 }
 
 /* Keeps the chains of candidates that are features or sharp. */
@@ -139,7 +131,7 @@ static void keep_sharp(builder *b) {
     for (size_t e = 0; e < m->edge_count; e++) {
         if (b->mark[e] != CANDIDATE) continue;
         double along[3], n[2][3];
-        int32_t chain = find(b->parent, (int32_t)e);
+        int32_t chain = bw_forest_root(b->parent, (int32_t)e);
         subtract(m->position[m->edge[e][1]], m->position[m->edge[e][0]], along);
         for (int i = 0; i < 2; i++) normal_of(s, b->both[e][i], n[i]);
         double length = sqrt(dot(along, along));
@@ -147,7 +139,7 @@ static void keep_sharp(builder *b) {
     }
     for (size_t e = 0; e < m->edge_count; e++) {
         if (!b->mark[e]) continue;
-        int32_t chain = find(b->parent, (int32_t)e);
+        int32_t chain = bw_forest_root(b->parent, (int32_t)e);
         if ((b->mark[e] & FEATURE) || b->turn[chain] > sharp_curve * b->length[chain])
             b->mark[e] |= KEPT;
         else
@@ -179,7 +171,7 @@ static void number_curves(builder *b) {
     unite_chains(b, s->point);
     for (size_t e = 0; e < m->edge_count; e++) {
         if (!(b->mark[e] & KEPT)) continue;
-        int32_t chain = find(b->parent, (int32_t)e), at = (int32_t)s->segment_count++;
+        int32_t chain = bw_forest_root(b->parent, (int32_t)e), at = (int32_t)s->segment_count++;
         s->edge_segment[e] = at;
         s->segment[at][0] = m->edge[e][0], s->segment[at][1] = s->segment[at][2] = m->edge[e][1];
         /* the lowest edge represents its chain, so the chain has a number already if this is not it */
@@ -193,9 +185,9 @@ static void number_regions(builder *b) {
     bw_hex_surface *s = b->surface;
     for (size_t t = 0; t < s->triangle_count; t++) b->parent[t] = (int32_t)t;
     for (size_t e = 0; e < s->mesh->edge_count; e++)
-        if (b->triangles_at[e] == 2 && !(b->mark[e] & KEPT)) unite(b->parent, b->both[e][0], b->both[e][1]);
+        if (b->triangles_at[e] == 2 && !(b->mark[e] & KEPT)) bw_forest_join(b->parent, b->both[e][0], b->both[e][1]);
     for (size_t t = 0; t < s->triangle_count; t++) {
-        int32_t first = find(b->parent, (int32_t)t);
+        int32_t first = bw_forest_root(b->parent, (int32_t)t);
         s->region[t] = first == (int32_t)t ? (int32_t)s->region_count++ : s->region[first];
     }
 }

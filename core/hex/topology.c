@@ -1,11 +1,7 @@
 #include "hex/topology.h"
 
+#include "base/forest.h"
 #include "hex/incidence.h"
-
-static int32_t find(int32_t *parent, int32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
 
 /* Joins the vertices of cells of n corners each and counts what hangs together; vertices of no cell are not counted. */
 static bw_status join_cells(bw_context *ctx, const int32_t *corner, size_t cells, size_t n, size_t vertex_count, size_t *used, size_t *components) {
@@ -15,7 +11,7 @@ static bw_status join_cells(bw_context *ctx, const int32_t *corner, size_t cells
     for (size_t i = 0; i < cells * n; i++) {
         int32_t v = corner[i], w = corner[i / n * n];
         if (parent[v] == BW_NONE) parent[v] = v;
-        parent[find(parent, v)] = find(parent, w);
+        bw_forest_join(parent, v, w);
     }
     *used = *components = 0;
     for (size_t v = 0; v < vertex_count; v++) *used += parent[v] != BW_NONE, *components += parent[v] == (int32_t)v;

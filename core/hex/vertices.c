@@ -242,7 +242,8 @@ static bw_status resolve(bw_context *ctx, bw_hex_vertices *p, bw_tet t, uint8_t 
 static bw_status resolve_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
     bw_hex_vertices *p = ((filling *)user)->points;
     (void)range;
-    for (size_t t = begin; t < end; t++)
+    for (size_t t = begin; t < end; t++) {
+        if (t % 1024 == 0 && bw_poll(ctx)) return ctx->error.status;
         for (uint32_t c = p->column_begin[t]; c < p->column_begin[t + 1]; c++)
             for (uint32_t r = p->column[c].begin; r < p->column[c + 1].begin; r++)
                 for (uint32_t i = p->row[r].begin; i < p->row[r + 1].begin; i++) {
@@ -251,6 +252,7 @@ static bw_status resolve_range(bw_context *ctx, size_t begin, size_t end, int ra
                                           p->row[r].first + (int64_t)(i - p->row[r].begin)};
                     if (resolve(ctx, p, (bw_tet)t, (uint8_t)(-2 - p->id[i]), k, &p->id[i])) return ctx->error.status;
                 }
+    }
     return BW_OK;
 }
 

@@ -144,7 +144,7 @@ static bw_status check_patch(bw_context *ctx, const bw_atlas *atlas, bw_patch pa
     return status;
 }
 
-/* The rib of `block` with the same arc that starts (low end) or ends at a place. */
+/* The rib of `block` on an arc between two places, in either sense. O(ribs of the block). */
 static const bw_rib *find_rib(const bw_atlas *atlas, bw_block block, bw_arc arc, int32_t a, int32_t b) {
     for (size_t i = atlas->rib_begin[block]; i < atlas->rib_begin[block + 1]; i++) {
         const bw_rib *r = &atlas->rib[i];

@@ -285,7 +285,8 @@ static bw_status set_points(builder *b) {
         bw_vertex v = mesh->tet[tet][i % 4];
         if (!feature[v]) continue;
         /* of a closed tet the only cell is its home; of an opened one any cell at the vertex will do, if its block has the node there */
-        for (bw_cell cell = tet; (size_t)cell < b->cells->cell_count; cell = (size_t)cell < mesh->tet_count ? (bw_cell)mesh->tet_count : cell + 1) {
+        size_t cells = bw_cells_is_open(b->cells, tet) ? b->cells->cell_count : 0;
+        for (bw_cell cell = tet; cell == tet || (size_t)cell < cells; cell = (size_t)cell < mesh->tet_count ? (bw_cell)mesh->tet_count : cell + 1) {
             int64_t at[3], q[3];
             if (bw_cells_tet(b->cells, cell) != tet) continue;
             bw_transition_apply(bw_complex_chart(b->x, cell), b->cells->map->value[tet][i % 4], at);

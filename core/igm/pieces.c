@@ -42,7 +42,7 @@ static void distance(const bw_cutter *p, const bw_corner *c, mpq_t out) {
     mpq_clear(t);
 }
 
-/* A coordinate is off by 2^-53 of itself, so are the normal and the sums: 2^-48 of all magnitudes bounds the error. */
+/* A coordinate is off by 2^-52 of itself (GMP truncates), so is the normal, sums by 2^-53: 2^-48 of all magnitudes bounds the error. */
 int bw_cutter_side(const bw_cutter *p, const bw_corner *c) {
     double sum = 0, size = 0;
     for (int k = 0; k < 3; k++) {

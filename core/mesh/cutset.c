@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/forest.h"
+
 typedef struct {
     bw_context *ctx;
     const bw_tet_mesh *mesh;
@@ -234,11 +236,6 @@ static bool is_cut_edge(const cutter *w, bw_hinge h) {
     return ring->open ? cuts > 0 : cuts == 1 || cuts > 2;
 }
 
-static int32_t find_root(int32_t *parent, int32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* Branches are cut edges joined at vertices that are no nodes (MC 6.2.1). */
 static bw_status count_branches(cutter *w) {
     size_t n = w->mesh->vertex_count;
@@ -268,11 +265,9 @@ static bw_status count_branches(cutter *w) {
     for (size_t h = 0; h < w->hinges->count; h++)
         for (int i = 0; i < 2 && parent[h] != BW_NONE; i++) {
             bw_vertex v = w->mesh->edge[w->hinges->ring[h].edge][i];
-            if (last[v] >= 0) {
-                int32_t a = find_root(parent, last[v]), b = find_root(parent, (int32_t)h);
-                w->cut->branches -= a != b;
-                parent[a] = b;
-            } else if (last[v] == BW_NONE)
+            if (last[v] >= 0)
+                w->cut->branches -= bw_forest_join(parent, last[v], (int32_t)h);
+            else if (last[v] == BW_NONE)
                 last[v] = (int32_t)h;
         }
 out:

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/forest.h"
 #include "mesh/gridmap.h"
 
 void bw_defects_clear(bw_context *ctx, bw_defects *defects) {
@@ -24,11 +25,6 @@ static bw_status list_tets(bw_context *ctx, const bw_tet_mesh *mesh, const int64
     return ctx->error.status;
 }
 
-static int32_t root(int32_t *parent, int32_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* parent[i]: the lowest tet of the list, by its place there, in the same region as tet i. */
 static bw_status join(bw_context *ctx, const bw_tet_mesh *mesh, const bw_tet *tet, size_t count,
                       int32_t *parent) {
@@ -38,12 +34,11 @@ static bw_status join(bw_context *ctx, const bw_tet_mesh *mesh, const bw_tet *te
         parent[i] = (int32_t)i;
         for (int c = 0; c < 4; c++) {
             int32_t *last = &at[mesh->tet[tet[i]][c]];
-            int32_t a = root(parent, (int32_t)i), b = *last ? root(parent, *last - 1) : a;
-            parent[a > b ? a : b] = a < b ? a : b;
+            if (*last) bw_forest_join(parent, (int32_t)i, *last - 1);
             *last = (int32_t)i + 1;
         }
     }
-    for (size_t i = 0; i < count; i++) parent[i] = root(parent, (int32_t)i);
+    for (size_t i = 0; i < count; i++) parent[i] = bw_forest_root(parent, (int32_t)i);
     bw_free(ctx, at);
     return BW_OK;
 }

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/forest.h"
+
 /* What is worth its time: less where the proof does not need it (bw_verifier.positive). */
 enum { PLANES_MOST = 1 << 18, POINTS_MOST = 1 << 21, POSITIVE_LESS = 6 };
 
@@ -213,16 +215,8 @@ static bw_status count_elements(bw_cell_grid *g) {
 
 /* ---- gluing ---- */
 
-static int32_t root_of(int32_t *parent, size_t e) {
-    int32_t x = (int32_t)e;
-    while (parent[x] != x) x = parent[x] = parent[parent[x]];
-    return x;
-}
-
-static void join(int32_t *parent, size_t a, size_t b) {
-    int32_t r = root_of(parent, a), s = root_of(parent, b);
-    parent[r < s ? s : r] = r < s ? r : s;
-}
+static int32_t root_of(int32_t *parent, size_t e) { return bw_forest_root(parent, (int32_t)e); }
+static void join(int32_t *parent, size_t a, size_t b) { bw_forest_join(parent, (int32_t)a, (int32_t)b); }
 
 bw_status bw_grid_contact_open(const bw_cell_grid *g, const bw_contact *c, bw_grid_contact *out) {
     size_t a = (size_t)c->block[0], b = (size_t)c->block[1];

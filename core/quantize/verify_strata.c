@@ -8,6 +8,7 @@
  * a block, whose surface then has both. Around a singular arc of k quarters that goes straight on there are 2 k octants; the only way to fill a sphere by 2 k octants
  * with two vertices of degree k, all others of degree 4, is the double pyramid with those as its tips.)
  */
+#include "base/forest.h"
 #include "quantize/verify_parts.h"
 
 /* ---- around nodes and arcs ---- */
@@ -165,11 +166,6 @@ static bw_status find_links(bw_verifier *v) {
 
 /* ---- regions ---- */
 
-static bw_patch root_of(bw_patch *parent, bw_patch p) {
-    while (parent[p] != p) p = parent[p] = parent[parent[p]];
-    return p;
-}
-
 /* The area of every region; on the region's lowest patch. */
 static bw_status check_regions(bw_verifier *v) {
     const bw_complex *x = v->x;
@@ -178,15 +174,14 @@ static bw_status check_regions(bw_verifier *v) {
     for (size_t p = 0; p < x->patch_count && parent; p++) parent[p] = (bw_patch)p;
     for (size_t a = 0; a < x->arc_count && parent; a++) {
         if (v->arc_link[a] != BW_NONE || v->arc_surfaces[a] != 2) continue;
-        bw_patch r = root_of(parent, v->arc_surface[a][0]), s = root_of(parent, v->arc_surface[a][1]);
-        parent[r < s ? s : r] = r < s ? r : s;
+        bw_forest_join(parent, v->arc_surface[a][0], v->arc_surface[a][1]);
     }
     for (size_t p = 0; p < x->patch_count && parent && area; p++) {
         int64_t side[2] = {0, 0};
         for (size_t s = 0; s < 2; s++)
             for (size_t i = x->patch_chain_begin[4 * p + s]; i < x->patch_chain_begin[4 * p + s + 1]; i++)
                 side[s] += v->length[x->patch_chain[i] >> 1];
-        if (v->surface[p]) area[root_of(parent, (bw_patch)p)] += (__int128)side[0] * side[1];
+        if (v->surface[p]) area[bw_forest_root(parent, (bw_patch)p)] += (__int128)side[0] * side[1];
     }
     for (size_t p = 0; p < x->patch_count && parent && area; p++)
         if (v->surface[p] && parent[p] == (bw_patch)p && area[p] <= 0)

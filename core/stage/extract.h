@@ -22,11 +22,13 @@ typedef struct {
 /* From so many hexes along a unit on, no two edges or faces have the same vertices, whatever is glued to itself. */
 enum { BW_SUBDIVIDE_SIMPLE = 3 };
 
-/* Makes *hex (owned by the caller, empty on failure): the preimage of the integer grid of the map, or without one
- * block by block (hex/blockfill.h). Verifies: as many hexes as the quantization says, block by block; conforming and manifold; of the Euler characteristic and the number of
- * components of the input. A quantization may be valid and yet close up within one or two hexes, as the coarsest of a ring: then two faces have the same vertices, which
- * no file of a hex mesh can tell apart, and the mesh is made with more hexes along a unit, BW_SUBDIVIDE_SIMPLE at most. Fills report->extract. Errors: BW_E_LIMIT with the number of hexes if there are more than max_hexes; BW_E_RANGE; BW_E_CHECK; BW_E_MEMORY,
- * BW_E_CANCELLED. */
+/* Makes *hex (owned by the caller, empty on failure): the preimage of the integer grid of the map, or without one block by block (hex/blockfill.h).
+ *
+ * Verifies: as many hexes as the quantization says, block by block; conforming and manifold; of the Euler characteristic and the number of components of the input. A
+ * quantization may be valid and yet close up within one or two hexes, as the coarsest of a ring: then two faces have the same vertices, which no file of a hex mesh
+ * can tell apart, and the mesh is made with more hexes along a unit, BW_SUBDIVIDE_SIMPLE at most.
+ *
+ * Fills report->extract. Errors: BW_E_LIMIT with the number of hexes if there are more than max_hexes; BW_E_RANGE; BW_E_CHECK; BW_E_MEMORY, BW_E_CANCELLED. */
 bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extract_options *options, bw_hex_mesh *hex, bw_report *report);
 
 /* Gives the hexes of an input of hexahedra their blocks and places in them, and what their vertices lie on (hex/trivial.h); proves it. Fills report->extract, which

@@ -178,7 +178,8 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
     if (status == BW_OK && options->rounding) status = compare_rounding(ctx, &j.q, validity, out->scale, report);
     out->seconds_check = j.seconds_check;
     report->has_quantization = status == BW_OK;
-    *length = j.length;
+    if (status == BW_OK) *length = j.length;
+    else bw_free(ctx, j.length);
     bw_quantizer_close(ctx, &j.q);
     bw_validity_free(ctx, validity);
     return status;

@@ -101,6 +101,34 @@ static void the_worst_hex_is_named_with_its_place(void **state) {
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 
+static void a_position_that_is_no_number_is_counted_as_not_positive(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_hex_mesh mesh;
+    bw_hex_quality q;
+    bw_context_init(&ctx);
+    hex_kit_cube(&ctx, 2, &mesh);
+    mesh.position[mesh.hex[7][7]][0] = NAN; /* a corner of the cube: of one hex only */
+    kit_expect_ok(&ctx, bw_hex_measure(&ctx, &mesh, &q));
+    assert_int_equal(q.histogram[BW_HEX_BINS - 1], 7);
+    assert_int_equal(q.nonpositive + q.histogram[BW_HEX_BINS - 1], 8);
+    bw_hex_mesh_clear(&ctx, &mesh);
+}
+
+static void measuring_can_be_cancelled(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_hex_mesh mesh;
+    bw_hex_quality q;
+    volatile sig_atomic_t cancel = 1;
+    bw_context_init(&ctx);
+    hex_kit_cube(&ctx, 2, &mesh);
+    ctx.cancel = &cancel;
+    assert_int_equal(bw_hex_measure(&ctx, &mesh, &q), BW_E_CANCELLED);
+    bw_hex_mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
 static void distance_to_itself_is_zero_and_a_moved_vertex_is_seen(void **state) {
     (void)state;
     bw_context ctx;
@@ -157,6 +185,8 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(volume_is_that_of_the_trilinear_map),
     cmocka_unit_test(valences_and_bins_count_every_edge_and_hex),
     cmocka_unit_test(the_worst_hex_is_named_with_its_place),
+    cmocka_unit_test(a_position_that_is_no_number_is_counted_as_not_positive),
+    cmocka_unit_test(measuring_can_be_cancelled),
     cmocka_unit_test(distance_to_itself_is_zero_and_a_moved_vertex_is_seen),
     cmocka_unit_test(each_allocation_may_fail),
 };
