@@ -685,6 +685,7 @@ static bool lists_from_json(const json_t *object, bw_report *report) {
     for (size_t i = 0; i < json_array_size(results); i++) {
         if (json_unpack(json_array_get(results, i), "{s:s, s:I}", "name", &name, "bytes", &bytes))
             return false;
+        if (strlen(name) >= sizeof report->result->name) return false; /* cut short it could become another's */
         bw_report_add_result(report, name, (uint64_t)bytes);
     }
     return true;

@@ -28,7 +28,7 @@ typedef struct {
 } bw_report_stage;
 
 typedef struct {
-    char name[40]; /* file name in the result folder */
+    char name[40]; /* file name in the result folder; a report with a longer one is refused when it is read */
     uint64_t bytes;
 } bw_report_result;
 
