@@ -126,5 +126,6 @@ if [ $stop_after = yes ]; then
     exit 0 # the trap stops the daemon
 fi
 trap - EXIT
+echo "see it  $server/#$id (in a browser on this machine: the hex mesh)"
 echo "daemon  $server (process $(cat "$here/pid"), log build/demo/blockwrightd.log)"
 echo "stop    sh deploy/demo.sh --stop"

@@ -7,6 +7,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "bw_page.h"
 #include "server/clock.h"
 #include "server/failure.h"
 #include "server/joboptions.h"
@@ -400,6 +401,27 @@ static void ready(bw_request *r) {
 
 static void openapi(bw_request *r) { bw_reply_text(r, "application/json", bw_api_document, bw_api_document_size); }
 
+/* ---- the page ---- */
+
+/* Scripts, styles and data come from this daemon only, and nothing may frame it. */
+static const char page_policy[] = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; worker-src 'self'; "
+                                  "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+static void send_page(bw_request *r, const bw_page_file *file) {
+    bw_reply_text(r, file->media_type, file->bytes, file->size);
+    bw_reply_header(r, "Content-Security-Policy", page_policy);
+    bw_reply_header(r, "Cache-Control", "no-cache");
+}
+
+static void page(bw_request *r) { send_page(r, bw_page_files); }
+
+static void page_file(bw_request *r) {
+    const bw_page_file *file = bw_page_files;
+    while (file->name && strcmp(file->name, r->parameters[0]) != 0) file++;
+    if (file->name) send_page(r, file);
+    else bw_reply_problem(r, BW_PROBLEM_NOT_FOUND, "the page has no file %.80s", r->parameters[0]);
+}
+
 const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_BLOB_PUT] = {blob_begin, blob_put},
     [BW_OP_BLOB_HEAD] = {NULL, blob_head},
@@ -414,4 +436,6 @@ const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_LIVE] = {NULL, live},
     [BW_OP_READY] = {NULL, ready},
     [BW_OP_OPENAPI] = {NULL, openapi},
+    [BW_OP_PAGE] = {NULL, page},
+    [BW_OP_PAGE_FILE] = {NULL, page_file},
 };

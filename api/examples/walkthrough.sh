@@ -26,3 +26,5 @@ step result_get.sh
 step job_report.sh
 step job_cancel.sh
 step openapi.sh
+step page.sh
+step page_file.sh

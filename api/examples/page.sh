@@ -1,0 +1,2 @@
+# GET /: the page for browsers
+curl -fsS "$base/" | head -n 4
