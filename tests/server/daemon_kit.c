@@ -101,7 +101,8 @@ static size_t take_header(char *data, size_t one, size_t size, void *user) {
     struct {
         const char *name;
         char *to;
-    } wanted[] = {{"Content-Type: ", r->type}, {"ETag: ", r->etag}, {"Location: ", r->location}, {"Allow: ", r->allow}};
+    } wanted[] = {{"Content-Type: ", r->type}, {"ETag: ", r->etag}, {"Location: ", r->location}, {"Allow: ", r->allow},
+                {"Content-Security-Policy: ", r->policy}};
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
         size_t n = strlen(wanted[i].name);
         if (size > n && strncasecmp(data, wanted[i].name, n) == 0)

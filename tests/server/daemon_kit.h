@@ -31,7 +31,7 @@ void kit_remove(kit_daemon *daemon);           /* stops it if it runs, deletes t
 
 typedef struct {
     long status;
-    char type[80], etag[80], location[80], allow[80];
+    char type[80], etag[80], location[80], allow[80], policy[80]; /* as much of them as fits */
     char *body; /* NUL-terminated */
     size_t size;
 } kit_reply;

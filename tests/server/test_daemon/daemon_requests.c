@@ -113,7 +113,8 @@ static void a_truncated_upload_leaves_nothing(void **state) {
 static void what_is_not_there_is_404_and_the_wrong_method_405(void **state) {
     (void)state;
     char path[120];
-    kit_expect_problem(kit_get(&d, "/"), 404, "not-found");
+    kit_expect_problem(kit_get(&d, "/page"), 404, "not-found");
+    kit_expect_problem(kit_get(&d, "/page/nothing.mjs"), 404, "not-found");
     kit_expect_problem(kit_get(&d, "/v1/jobs/"), 404, "not-found");
     kit_expect_problem(kit_get(&d, "/v1/blobs/x/y"), 404, "not-found");
     kit_expect_problem(kit_get(&d, "/v1/jobs/%s/results/..%%2f..%%2fjobs.db", nowhere), 404, "not-found");
@@ -266,6 +267,26 @@ static void the_daemon_tells_about_itself(void **state) {
     json_decref(document);
 }
 
+/* Each file of the page that the page or a script of it names is there. */
+static void the_page_is_served_whole_and_may_load_nothing_else(void **state) {
+    (void)state;
+    static const char *const names[] = {"viewer.mjs", "draw.mjs", "worker.mjs", "skin.mjs", "bwh.mjs", "style.css"};
+    kit_reply r = kit_get(&d, "/");
+    assert_int_equal(r.status, 200);
+    assert_non_null(strstr(r.body, "page/viewer.mjs"));
+    assert_string_equal(r.type, "text/html; charset=utf-8");
+    assert_non_null(strstr(r.policy, "default-src 'none'; script-src 'self';"));
+    kit_free(&r);
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        r = kit_get(&d, "/page/%s", names[i]);
+        assert_int_equal(r.status, 200);
+        assert_string_equal(r.type, i < 5 ? "text/javascript; charset=utf-8" : "text/css; charset=utf-8");
+        assert_non_null(strstr(r.policy, "default-src 'none';"));
+        assert_true(r.size > 500);
+        kit_free(&r);
+    }
+}
+
 static void pages_hold_every_job_once_newest_first(void **state) {
     (void)state;
     char ids[12][32], script[40], next[40] = "";
@@ -301,6 +322,7 @@ int main(void) {
         cmocka_unit_test(garbage_in_place_of_http_is_survived),
         cmocka_unit_test(results_answer_if_none_match),
         cmocka_unit_test(the_daemon_tells_about_itself),
+        cmocka_unit_test(the_page_is_served_whole_and_may_load_nothing_else),
         cmocka_unit_test(pages_hold_every_job_once_newest_first),
     };
     return cmocka_run_group_tests(tests, start, stop);
