@@ -1,16 +1,17 @@
 /* Geometric optimization of a hex mesh: vertices move, on what holds them, until scaled Jacobians are positive and as good as may be.
  *
- * Every corner of a hexahedron is a tet with an ideal shape: the corner of a box. First the foldover-free energy (solve/foldover.h) of all corners is minimized by
- * L-BFGS for a falling epsilon until no corner is inverted, then as a barrier; then an energy of the scaled Jacobians themselves, which
- * weighs the worst most. Interior vertices have three variables, vertices on a surface two in its tangent plane,
- * those on a curve one, points none; after each round they are projected to what holds them (hex/surface.h) and get new directions.
+ * Every corner of a hexahedron is a tet with an ideal shape: the corner of a box (hex/corner_energy.h). First the foldover-free energy of corners is minimized by
+ * L-BFGS for a falling epsilon, around those that are inverted, or everywhere if these are many; then as a barrier; then with an energy of the scaled Jacobians, which weighs
+ * the worst most, and in the end only around the worst. Interior vertices have three variables, vertices on a surface two in its tangent plane,
+ * those on a curve one, points none; after each round they are projected to what holds them (hex/surface.h) and get new directions. What that spoils is taken back, hexahedron by
+ * hexahedron. Rounds end where they bring nothing.
  *
  * A mesh of more than `whole` hexes is optimized only around the hexes that need it. The work is limited by counts, never by a clock.
  *
  * Ensured
  *  1. Connectivity, held and carrier stay as they are.
  *  2. The mesh that is returned has no more hexes and no more corners that are not positive than the one that came in; if as many, mean + 2 min(least, 0.2)
- *     of its scaled Jacobians is not smaller.
+ *     + least / 50 of its scaled Jacobians is not smaller.
  *  3. Vertices on surfaces and curves end on them. Where a hex is not positive otherwise, or hardly, they may leave them, by `leave` at most.
  *  4. The same bits at any number of threads.
  */

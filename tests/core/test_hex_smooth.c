@@ -124,7 +124,7 @@ static void a_good_mesh_stays_at_least_as_good(void **state) {
         bw_smooth_report r = smooth(&ctx, &s);
         assert_int_equal(r.before.hexes, 0);
         assert_int_equal(r.after.hexes, 0);
-        assert_true(r.after.mean + 2 * fmin(r.after.least, 0.2) >= r.before.mean + 2 * fmin(r.before.least, 0.2));
+        assert_true(r.after.mean + 2 * fmin(r.after.least, 0.2) + r.after.least / 50 >= r.before.mean + 2 * fmin(r.before.least, 0.2) + r.before.least / 50);
         sample_clear(&ctx, &s);
     }
 }
