@@ -29,6 +29,7 @@ typedef enum {
 enum { BW_OPTION_SCALES = 64 };
 
 typedef struct {
+    bw_input_kind kind;  /* an input of the other kind is BW_E_KIND */
     bw_complex_kind complex;
     bw_reduce_mode reduce;
     bw_self_adjacent self_adjacent;

@@ -22,6 +22,7 @@
 #include "stage/trace.h"
 
 /* The words of the options, by enumerator. */
+static const char *const kind_names[] = {"auto", "tet", "hex"};
 static const char *const complex_names[] = {"mc", "bc", "serial"};
 static const char *const reduce_names[] = {"none", "keep-singular", "full"};
 static const char *const self_adjacent_names[] = {"allow", "split"};
@@ -65,6 +66,8 @@ static bw_status run_sanitize(bw_context *ctx, const bw_options *options, bw_sta
     (void)out;
     bw_sanitize_report found;
     bool hexes = state->mesh.hex_count > 0, mirrored = false;
+    if (options->kind != BW_KIND_AUTO && (options->kind == BW_KIND_HEX) != hexes)
+        return bw_fail(ctx, BW_E_KIND, "the input is a mesh of %s, and the job is for one of %s", hexes ? "hexes" : "tets", hexes ? "tets" : "hexes");
     if (hexes && take_hexes(ctx, state, &mirrored) != BW_OK) return ctx->error.status;
     bw_sanitize_options how = {options->tolerance, options->repair};
     bw_status status = bw_sanitize(ctx, &how, &state->mesh, &state->map, &found);
@@ -88,7 +91,7 @@ static bw_status run_trace(bw_context *ctx, const bw_options *options, bw_state 
 
 static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT};
+    bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, state->has_source};
     bw_status status = bw_build_complex(ctx, &state->cells, &how, &state->complex);
     if (status != BW_OK) return status;
     state->has_complex = true;
@@ -111,7 +114,7 @@ static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw
     bw_context apart = *ctx; /* its own error; the same budget, handed back below */
     uint64_t limit = 8 * (uint64_t)state->cells.cell_count - state->mesh.tet_count; /* all that are not there before the first cut */
     if (limit > options->max_cells) limit = options->max_cells;
-    bw_build_options build = {limit, how->split_self_adjacent};
+    bw_build_options build = {limit, how->split_self_adjacent, state->has_source};
     bw_status status = bw_cells_init(&apart, &other->cells, &state->mesh, &state->map);
     if (status == BW_OK) status = bw_trace(&apart, &other->cells, BW_COMPLEX_BC, limit);
     if (status == BW_OK) status = bw_build_complex(&apart, &other->cells, &build, &other->complex);
@@ -326,7 +329,10 @@ static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, 
 static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
     const char *word = json_string_value(value);
     int i;
-    if (!strcmp(name, "complex")) {
+    if (!strcmp(name, "kind")) {
+        if ((i = choice(value, kind_names, 3)) < 0) return bw_fail(ctx, BW_E_USAGE, "option kind is \"auto\", \"tet\" or \"hex\"");
+        o->kind = (bw_input_kind)i;
+    } else if (!strcmp(name, "complex")) {
         if ((i = choice(value, complex_names, 3)) < 0)
             return bw_fail(ctx, BW_E_USAGE, "option complex is \"mc\", \"bc\" or \"serial\"");
         o->complex = (bw_complex_kind)i;

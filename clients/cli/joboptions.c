@@ -31,8 +31,8 @@ static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
     if ((!o->quantize || !strcmp(o->quantize, "none")) &&
-        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->route || o->subdivide > 0 || o->max_hexes > 0 || o->smooth || o->hex_formats))
-        return "a size, limit, route, subdivision, smoothing, format of hexes or rounding beside a quantization wants --quantize positive, nonnegative or any";
+        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->route || o->subdivide > 0 || o->max_hexes > 0 || o->smooth))
+        return "a size, limit, route, subdivision, smoothing or rounding beside a quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }
 
@@ -45,6 +45,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
         json_decref(json), json_decref(scales);
         return NULL;
     }
+    if (o->kind) json_object_set_new(json, "kind", json_string(o->kind));
     if (o->complex) json_object_set_new(json, "complex", json_string(o->complex));
     if (o->reduce) json_object_set_new(json, "reduce", json_string(o->reduce));
     if (o->self_adjacent) json_object_set_new(json, "self_adjacent", json_string(o->self_adjacent));

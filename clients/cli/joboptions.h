@@ -9,7 +9,7 @@
 #include "args.h"
 
 typedef struct {
-    const char *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
+    const char *kind, *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells, subdivide, max_hexes, bwh_bits; /* 0: not given */
@@ -26,6 +26,8 @@ typedef struct {
 /* Rows of an option table; `settings` has a member cli_job_options job. */
 /* clang-format off */
 #define CLI_JOB_OPTIONS(settings)                                                                            \
+    {"kind", 0, CLI_CHOICE, offsetof(settings, job.kind), "auto|tet|hex",                                    \
+     "what the input has to be: tets with a map, hexes, or either (default auto)", 0, 0},                     \
     {"complex", 0, CLI_CHOICE, offsetof(settings, job.complex), "mc|bc|serial",                                    \
      "mc: motorcycle complex (default); bc: base complex; serial: mc with walls burnt one by one", 0, 0},     \
     {"reduce", 0, CLI_CHOICE, offsetof(settings, job.reduce), "none|keep-singular|full",                     \
@@ -61,7 +63,7 @@ typedef struct {
     {"smooth", 0, CLI_CHOICE, offsetof(settings, job.smooth), "on|off",                                      \
      "move vertices of the hex mesh, on the surface, to better shapes (default on)", 0, 0},                  \
     {"hex-formats", 0, CLI_TEXT, offsetof(settings, job.hex_formats), "F,F,...",                             \
-     "of the hex mesh: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
+     "of the hex mesh, of hexes in with their blocks: mesh,vtk,vtu,msh,ovm,inp,cgns,bwh or none (default mesh,vtu,bwh)", 0, 0},             \
     {"bwh-bits", 0, CLI_INTEGER, offsetof(settings, job.bwh_bits), "N",                                      \
      "bits of a coordinate in hexmesh.bwh, 1..24 (default: lossless)", 1, 24},                               \
     {"vtk", 0, CLI_FLAG, offsetof(settings, job.vtk), NULL,                                                  \

@@ -134,8 +134,9 @@ const cli_command cli_command_run = {
     .synopsis = "INPUT --out DIR [options]",
     .summary = "decompose a part here, without a daemon",
     .about = "Reads INPUT, a tet mesh with a seamless parametrization (12 parameters per tet): .hexex,\n"
-             "VTK (.vtk, .vtu), Gmsh .msh, OpenVolumeMesh .ovm, or Medit .mesh with --parameters; the\n"
-             "format is found by content. Makes the map exactly seamless (sanitize), traces the walls\n"
+             "VTK (.vtk, .vtu), Gmsh .msh, OpenVolumeMesh .ovm, or Medit .mesh with --parameters; or a\n"
+             "hexahedral mesh in any of them but .hexex, which needs no parameters: every hex is a unit\n"
+             "cube of its map. Format and kind are found by content. Makes the map exactly seamless (sanitize), traces the walls\n"
              "of its motorcycle complex (trace), finds nodes, arcs, patches and blocks (build), takes\n"
              "away the walls that can be spared (reduce), finds integer lengths for all arcs if --quantize\n"
              "asks for them (quantize) and writes to DIR (encode):\n\n"
@@ -144,7 +145,8 @@ const cli_command cli_command_run = {
              "  constraints.json   with --quantize: the integer differences a parametrizer has to keep\n"
              "  integer_grid.hexex   the integer-grid map, in units of hexes, if the job has one\n"
              "  sizes.svg      with --scales: charts of hexes, objective, zero arcs, distortion\n"
-             "  hexmesh.*      the hex mesh, if the job has one: mesh (Medit), vtu, bwh (compact; decoders in\n"
+             "  labels.txt     of hexes in: the block of every hex; walls.txt: the quads between blocks\n"
+             "  hexmesh.*      the hex mesh, if the job has one, or the one that came in, with its blocks: mesh (Medit), vtu, bwh (compact; decoders in\n"
              "                 clients/decode), or what --hex-formats says\n"
              "  view.drc       walls, skins and singular curves for viewers (Draco)\n"
              "  traced.hexex   the tet mesh refined along the walls, exact parameters and the wall list\n\n"
@@ -158,6 +160,7 @@ const cli_command cli_command_run = {
                 "  blockwright run part.hexex --out result --quantize any --coarsest      integer lengths\n"
                 "  blockwright run part.hexex --out result --quantize any --scales 0,0.5,1,2    by size\n"
                 "  blockwright run part.vtu --out result --vtk              VTK in, and out for ParaView\n"
+                "  blockwright run hexes.mesh --out result --reduce full    blocks of a hexahedral mesh\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"
                 "  blockwright run part.hexex --out result --memory 4G --max-cells 5000000",
     .options = options,

@@ -131,7 +131,7 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. A Medit mesh has\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. A Medit mesh of tets has\n"
              "its parameters in a second file, which --parameters names. The job's id\n"
              "is printed on standard output as soon as the daemon has stored the job for good. With\n"
              "--wait the command stays until the job has ended and its exit code tells how; with --out\n"

@@ -153,15 +153,21 @@ static void stages(const json_t *list) {
     }
 }
 
+static void input_line(const json_t *input) {
+    static const char *const tet_keys[] = {"vertices", "tets", "singular_edges"};
+    static const char *const tet_words[] = {"vertices", "tets", "singular edges"};
+    static const char *const hex_keys[] = {"hexes", "tets", "singular_edges_interior", "singular_edges_boundary"};
+    static const char *const hex_words[] = {"hexes", "tets made of them", "singular edges inside", "on the boundary"};
+    bool hexes = json_integer_value(json_object_get(input, "hexes")) > 0;
+    printf("%-15s ", "input");
+    if (hexes) count_line(input, hex_keys, hex_words, sizeof hex_keys / sizeof *hex_keys);
+    else count_line(input, tet_keys, tet_words, sizeof tet_keys / sizeof *tet_keys);
+}
+
 void cli_summary_print(const json_t *report) {
-    static const char *const keys[] = {"vertices", "tets", "singular_edges"};
-    static const char *const words[] = {"vertices", "tets", "singular edges"};
     const json_t *input = json_object_get(report, "input");
     const json_t *displacement = json_object_get(json_object_get(report, "sanitize"), "displacement_max");
-    if (json_is_object(input)) {
-        printf("%-15s ", "input");
-        count_line(input, keys, words, sizeof keys / sizeof *keys);
-    }
+    if (json_is_object(input)) input_line(input);
     if (json_is_number(displacement))
         printf("%-15s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
     repair(json_object_get(json_object_get(report, "sanitize"), "repaired"));

@@ -10,7 +10,7 @@ usage() {
     cat <<'END'
 Usage: blockwright.sh COMMAND ...
 
-  submit FILE [--parameters FILE] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
+  submit FILE [--parameters FILE] [--kind auto|tet|hex] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
          [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...] [--bwh-bits N]
          [--name TEXT] [--wait] [--out DIR]
@@ -223,7 +223,8 @@ submit() {
     fi
     upload "$1"
     options=
-    [ -z "$complex" ] || options="\"complex\": $(quoted "$complex")"
+    [ -z "$kind" ] || options="\"kind\": $(quoted "$kind")"
+    [ -z "$complex" ] || options="${options:+$options, }\"complex\": $(quoted "$complex")"
     [ -z "$reduce" ] || options="${options:+$options, }\"reduce\": $(quoted "$reduce")"
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
     [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
@@ -389,6 +390,7 @@ rounding=no
 out=
 complex=
 reduce=
+kind=
 quantize=
 size=
 until=
@@ -408,12 +410,13 @@ while [ $# -gt 0 ]; do
     --rounding) rounding=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
+    --server | --out | -o | --kind | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
         --out | -o) out=$2 ;;
         --complex) complex=$2 ;;
+        --kind) kind=$2 ;;
         --reduce) reduce=$2 ;;
         --quantize) quantize=$2 ;;
         --scale) number "$1" "$2" && size="\"scale\": $2" ;;

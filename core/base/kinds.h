@@ -2,6 +2,13 @@
 #ifndef BW_BASE_KINDS_H
 #define BW_BASE_KINDS_H
 
+/* What an input is to be made of. */
+typedef enum {
+    BW_KIND_AUTO, /* whatever it lists */
+    BW_KIND_TET,  /* tets with a map */
+    BW_KIND_HEX   /* hexes */
+} bw_input_kind;
+
 typedef enum {
     BW_COMPLEX_MC,    /* motorcycle complex (MC 4) */
     BW_COMPLEX_BC,    /* base complex: walls do not stop at walls (MC 2) */

@@ -5,11 +5,13 @@
 #include "mesh/fire.h"
 #include "mesh/walk.h"
 
-/* Where a block is cut in two: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it. */
+/* Where a block is cut in two: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it; or, if tets stay whole, at an end of
+ * such an edge. */
 typedef struct {
     bw_cell cell;
     bw_plane plane;
-    int64_t length; /* of the edge; 0: none found */
+    int64_t length;   /* of the edge; 0: none found */
+    bw_vertex vertex; /* that end; BW_NONE: inside */
 } start;
 
 /* The plane across the middle of a complex edge, seen from one of its cells. */
@@ -22,7 +24,58 @@ static start across_edge(const bw_cells *c, bw_cedge e, bw_cell cell) {
     for (int i = 0; i < 2; i++) x[i] = bw_cells_floor(c, c->edge[e].vertex[i], tet, axis, &fraction);
     int64_t low = x[0] < x[1] ? x[0] : x[1], length = x[0] < x[1] ? x[1] - x[0] : x[0] - x[1];
     if (length < 2) return (start){.length = 0}; /* no integer strictly between its ends, for certain */
-    return (start){cell, {low + length / 2, (int8_t)axis}, length};
+    return (start){cell, {low + length / 2, (int8_t)axis}, length, BW_NONE};
+}
+
+/* The plane across an end of a complex edge that is a whole edge of the tet mesh. */
+static start at_end(const bw_cells *c, bw_cedge e, int end, bw_cell cell) {
+    start at = across_edge(c, e, cell);
+    const bw_cell_vertex *v = &c->vertex[c->edge[e].vertex[end]];
+    if (!at.length || v->kind != BW_IN_VERTEX) return (start){.length = 0};
+    at.vertex = v->carrier;
+    at.plane.value = c->map->value[cell][bw_tet_corner(c->mesh, cell, v->carrier)][at.plane.axis];
+    return at;
+}
+
+/* Burns the facets in the plane at the vertex, as far as its block goes on one side of them. */
+static bw_status ignite_facets(bw_fire *fire, start from) {
+    bw_cells *c = fire->cells;
+    const bw_tet_mesh *mesh = c->mesh;
+    struct reached {
+        bw_tet tet;
+        bw_transition chart; /* from that of the first */
+    } *list = NULL;
+    size_t count = 0, room = 0;
+    bw_status status = bw_reserve(fire->ctx, &list, &room, 1);
+    if (status == BW_OK) list[count++] = (struct reached){.tet = from.cell};
+    for (size_t i = 0; i < count && status == BW_OK; i++)
+        for (int k = 0; k < 4 && status == BW_OK; k++) {
+            bw_tet t = list[i].tet, next;
+            bw_facet f = mesh->tet_facet[t][k];
+            bw_plane plane = bw_transition_plane(&list[i].chart, from.plane);
+            bool wall = c->of_facet[f] != BW_NONE && c->polygon[c->of_facet[f]].flags & BW_WALL, known = false, flat = true;
+            if (wall || mesh->tet[t][k] == from.vertex) continue;
+            for (int j = 0; j < 4; j++) flat = flat && (j == k || c->map->value[t][j][plane.axis] == plane.value);
+            if (flat) {
+                bw_polygon p;
+                status = bw_cells_polygon_of(fire->ctx, c, f, &p);
+                if (status == BW_OK) status = bw_fire_ignite_polygon(fire, p);
+                continue;
+            }
+            next = bw_tet_across(mesh, f, t);
+            for (size_t j = 0; j < count; j++) known = known || list[j].tet == next;
+            if (known || bw_reserve(fire->ctx, &list, &room, count + 1)) continue;
+            bw_transition step = bw_grid_map_across(mesh, c->map, f, t);
+            list[count].tet = next;
+            list[count].chart = bw_transition_compose(&step, &list[i].chart);
+            count++;
+        }
+    bw_free(fire->ctx, list);
+    return fire->ctx->error.status;
+}
+
+static bw_status ignite_start(bw_fire *fire, start from) {
+    return from.vertex == BW_NONE ? bw_fire_ignite_plane(fire, from.cell, from.plane) : ignite_facets(fire, from);
 }
 
 /* ---- tori ---------------------------------------------------------------------------------------------------------- */
@@ -35,12 +88,12 @@ static bool bounds(const bw_cells *c, const bw_complex *x, bw_polygon p, int s, 
 }
 
 /* Considers the edges of one wall polygon, seen from the cell in its slot s: keeps the longest right-angled one. */
-static void consider(const bw_cells *c, bw_polygon p, int s, start *best) {
+static void consider(const bw_cells *c, bw_polygon p, int s, bool whole, start *best) {
     bw_half h = c->polygon[p].half;
     do {
         bw_cedge e = c->half[h].edge;
         h = c->half[h].next;
-        start at = across_edge(c, e, c->polygon[p].cell[s]);
+        start at = whole ? at_end(c, e, 0, c->polygon[p].cell[s]) : across_edge(c, e, c->polygon[p].cell[s]);
         if (at.length <= best->length) continue;
         int slot = s;
         bw_plane plane = bw_cells_polygon_plane(c, p, bw_cells_tet(c, c->polygon[p].cell[s]));
@@ -50,11 +103,11 @@ static void consider(const bw_cells *c, bw_polygon p, int s, start *best) {
     } while (h != c->polygon[p].half);
 }
 
-static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_block block) {
+static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_block block, bool whole) {
     start best = {.length = 0};
     for (size_t p = 0; p < c->polygon_count; p++)
         for (int s = 0; s < 2; s++)
-            if (bounds(c, x, (bw_polygon)p, s, block)) consider(c, (bw_polygon)p, s, &best);
+            if (bounds(c, x, (bw_polygon)p, s, block)) consider(c, (bw_polygon)p, s, whole, &best);
     return best;
 }
 
@@ -149,15 +202,15 @@ static void init_fire(bw_fire *fire, bw_context *ctx, bw_cells *cells, uint64_t 
     bw_fire_init(fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = true, .flags = BW_SPLIT, .max_cells = max_cells});
 }
 
-static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *complex, const bw_torus_list *tori, uint64_t max_cells) {
+static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *complex, const bw_torus_list *tori, const bw_build_options *options) {
     bw_fire fire;
-    init_fire(&fire, ctx, cells, max_cells);
+    init_fire(&fire, ctx, cells, options->max_cells);
     bw_status status = BW_OK;
     for (size_t i = 0; i < tori->count && status == BW_OK; i++) {
-        start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]]);
+        start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]], options->whole_tets);
         joint at = from.length ? longest_joint(cells, complex, from) : (joint){.length = 0};
         if (at.length) status = bw_fire_ignite_at(&fire, at.edge, at.at);
-        else if (from.length) status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
+        else if (from.length) status = ignite_start(&fire, from);
         else status = ignite_anywhere(&fire, complex, tori->cell[i]);
         if (status == BW_OK) status = bw_fire_run(&fire);
     }
@@ -165,7 +218,7 @@ static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *
     return status;
 }
 
-static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_cells, bw_complex *complex, size_t *splits) {
+static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, const bw_build_options *options, bw_complex *complex, size_t *splits) {
     bw_torus_list tori = {0};
     bw_status status = bw_complex_build(ctx, cells, complex, &tori);
     for (int round = 0; status == BW_OK && tori.count; round++) {
@@ -178,7 +231,7 @@ static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_ce
                              cells->mesh->tet_id[tet]);
         }
         *splits += tori.count;
-        if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, max_cells);
+        if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, options);
         bw_complex_clear(ctx, complex);
         if (status == BW_OK) status = bw_complex_build(ctx, cells, complex, &tori);
     }
@@ -213,21 +266,55 @@ static start across_block(const bw_cells *c, const bw_complex *x, bw_block block
     return best;
 }
 
+/* Whether a cut there is nearer to the middle of its block than another, which may be none. */
+static bool better_middle(const bw_complex *x, bw_block block, int axis, int64_t place, int64_t *margin) {
+    int64_t end = x->block_extent[block][axis], here = place < end - place ? place : end - place;
+    if (here <= *margin) return false;
+    *margin = here;
+    return true;
+}
+
+/* Likewise at the vertex of a complex edge along the axis that is nearest to the middle of the block. A block that is one hex long has none. */
+static start in_block(const bw_cells *c, const bw_complex *x, bw_block block, int axis) {
+    start best = {.length = 0};
+    int64_t margin = 0;
+    for (size_t k = 12 * (size_t)block + 4 * (size_t)axis; k < 12 * (size_t)block + 4 * (size_t)axis + 4; k++)
+        for (size_t i = x->block_edge_begin[k]; i < x->block_edge_begin[k + 1]; i++) {
+            bw_arc a = x->block_edge[i] >> 1;
+            for (size_t j = 2 * x->arc_edge_begin[a]; j < 2 * x->arc_edge_begin[a + 1]; j++) {
+                bw_cedge e = x->arc_edge[j / 2];
+                bw_half head = c->edge[e].half, h = head;
+                do {
+                    for (int s = 0; s < 2; s++) {
+                        bw_cell cell = c->polygon[c->half[h].polygon].cell[s];
+                        if (cell == BW_NONE || x->cell_block[cell] != block) continue;
+                        start at = at_end(c, e, (int)(j % 2), cell);
+                        bw_plane turned = bw_transition_plane(bw_complex_chart(x, cell), at.plane);
+                        if (at.length && turned.axis == axis && better_middle(x, block, axis, turned.value, &margin)) best = at;
+                    }
+                    h = c->half[h].radial;
+                } while (h != head);
+            }
+        }
+    return best;
+}
+
 /* Cuts every block that touches itself across opposite sides; *cut counts them. */
-static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_complex *x, uint64_t max_cells, size_t *cut) {
+static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_complex *x, const bw_build_options *options, size_t *cut) {
     bw_fire fire;
-    init_fire(&fire, ctx, cells, max_cells);
+    init_fire(&fire, ctx, cells, options->max_cells);
     bw_status status = BW_OK;
     bw_block last = BW_NONE;
     *cut = 0;
     for (size_t p = 0; p < x->patch_count && status == BW_OK; p++) {
         if (x->patch_block[p][0] != x->patch_block[p][1] || x->patch_block[p][0] == last) continue;
         if (x->patch_side[p][0] >> 1 != x->patch_side[p][1] >> 1 || x->patch_side[p][0] == x->patch_side[p][1]) continue;
-        start from = across_block(cells, x, x->patch_block[p][0], x->patch_side[p][0] >> 1);
+        int axis = x->patch_side[p][0] >> 1;
+        start from = options->whole_tets ? in_block(cells, x, x->patch_block[p][0], axis) : across_block(cells, x, x->patch_block[p][0], axis);
         if (!from.length) continue;
         last = x->patch_block[p][0];
         ++*cut;
-        status = bw_fire_ignite_plane(&fire, from.cell, from.plane);
+        status = ignite_start(&fire, from);
         if (status == BW_OK) status = bw_fire_run(&fire);
     }
     bw_fire_clear(&fire);
@@ -236,12 +323,12 @@ static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_
 
 bw_status bw_build_complex(bw_context *ctx, bw_cells *cells, const bw_build_options *options, bw_complex *complex) {
     size_t splits = 0, cut = options->split_self_adjacent;
-    bw_status status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
+    bw_status status = build_cuboids(ctx, cells, options, complex, &splits);
     for (int round = 0; round < 8 && cut && status == BW_OK; round++) {
-        status = split_self_adjacent(ctx, cells, complex, options->max_cells, &cut);
+        status = split_self_adjacent(ctx, cells, complex, options, &cut);
         if (!cut || status != BW_OK) break;
         bw_complex_clear(ctx, complex);
-        status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
+        status = build_cuboids(ctx, cells, options, complex, &splits);
     }
     complex->torus_splits = splits;
     bw_progress(ctx, 0.7);

@@ -43,7 +43,7 @@ static inline void reducible_open(reducible *r, const char *model, const bw_mode
     kit_expect_ok(&r->ctx, sample_map(&r->ctx, model, options, &r->mesh, &r->map));
     kit_expect_ok(&r->ctx, bw_cells_init(&r->ctx, &r->cells, &r->mesh, &r->map));
     kit_expect_ok(&r->ctx, bw_trace(&r->ctx, &r->cells, kind, REDUCE_MAX_CELLS));
-    bw_build_options build = {REDUCE_MAX_CELLS, split};
+    bw_build_options build = {.max_cells = REDUCE_MAX_CELLS, .split_self_adjacent = split};
     kit_expect_ok(&r->ctx, bw_build_complex(&r->ctx, &r->cells, &build, &r->raw));
     r->polygon_flags = malloc(r->cells.polygon_count);
     r->edge_flags = malloc(r->cells.edge_count);

@@ -60,7 +60,7 @@ static void open_shape(fixture *f, const flat_shape *shape, uint64_t seed) {
 }
 
 static bw_status trace_and_build(bw_context *ctx, fixture *f, bool split) {
-    bw_build_options build = {1000000, split};
+    bw_build_options build = {.max_cells = 1000000, .split_self_adjacent = split};
     bw_status status = bw_cells_init(ctx, &f->cells, &f->mesh, &f->map);
     if (status == BW_OK) status = bw_trace(ctx, &f->cells, BW_COMPLEX_MC, 1000000);
     if (status == BW_OK) status = bw_build_complex(ctx, &f->cells, &build, &f->complex);
@@ -210,7 +210,7 @@ static void one_cell_more_than_cuts_may_add_is_a_limit(void **state) {
     (void)state;
     fixture f;
     open_shape(&f, &flat_shapes[0], 0);
-    bw_build_options build = {UINT64_MAX, false};
+    bw_build_options build = {.max_cells = UINT64_MAX};
     size_t added = 0;
     for (int run = 0; run < 3; run++) {
         kit_expect_ok(&f.ctx, bw_cells_init(&f.ctx, &f.cells, &f.mesh, &f.map));

@@ -208,6 +208,8 @@ static void options_are_read_strictly(void **state) {
     } cases[] = {{"{}", BW_OK},
                  {"{\"complex\": \"bc\", \"until\": \"build\", \"tolerance\": 0.001, \"max_cells\": 5}", BW_OK},
                  {"{\"complex\": \"serial\"}", BW_OK},
+                 {"{\"kind\": \"hex\"}", BW_OK},
+                 {"{\"kind\": \"quad\"}", BW_E_USAGE},
                  {"{\"complex\": \"abc\"}", BW_E_USAGE},
                  {"{\"complex\": 1}", BW_E_USAGE},
                  {"{\"until\": \"never\"}", BW_E_USAGE},

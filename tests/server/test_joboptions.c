@@ -43,6 +43,7 @@ static bool same_key(const char *one, const char *other, int stage) {
 static void equal_requests_have_equal_forms(void **state) {
     (void)state;
     const char *same[][2] = {{"{}", "{\"complex\":\"mc\"}"},
+                             {"{\"kind\":\"auto\"}", "{}"},
                              {"{\"repair\":false}", "{}"},
                              {"{\"rounding\":false}", "{}"},
                              {"{\"tolerance\":0}", "{\"tolerance\":0.0}"},
@@ -59,7 +60,8 @@ static void equal_requests_have_equal_forms(void **state) {
 
 static void a_refusal_names_the_option_and_what_it_may_be(void **state) {
     (void)state;
-    const char *cases[][2] = {{"{\"complex\":\"x\"}", "option complex must be one of mc, bc, serial"},
+    const char *cases[][2] = {{"{\"kind\":\"quad\"}", "option kind must be one of auto, tet, hex"},
+                              {"{\"complex\":\"x\"}", "option complex must be one of mc, bc, serial"},
                               {"{\"max_cells\":0}", "option max_cells must be an integer at least 1 and at most 2000000000"},
                               {"{\"tolerance\":1}", "option tolerance must be a number at least 0 and less than 0.1"},
                               {"{\"repair\":\"yes\"}", "option repair must be true or false"},
