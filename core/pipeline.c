@@ -91,7 +91,7 @@ static bw_status run_trace(bw_context *ctx, const bw_options *options, bw_state 
 
 static bw_status run_build(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
-    bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, state->has_source};
+    bw_build_options how = {options->max_cells, options->self_adjacent == BW_SELF_ADJACENT_SPLIT};
     bw_status status = bw_build_complex(ctx, &state->cells, &how, &state->complex);
     if (status != BW_OK) return status;
     state->has_complex = true;
@@ -114,7 +114,7 @@ static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw
     bw_context apart = *ctx; /* its own error; the same budget, handed back below */
     uint64_t limit = 8 * (uint64_t)state->cells.cell_count - state->mesh.tet_count; /* all that are not there before the first cut */
     if (limit > options->max_cells) limit = options->max_cells;
-    bw_build_options build = {limit, how->split_self_adjacent, state->has_source};
+    bw_build_options build = {limit, how->split_self_adjacent};
     bw_status status = bw_cells_init(&apart, &other->cells, &state->mesh, &state->map);
     if (status == BW_OK) status = bw_trace(&apart, &other->cells, BW_COMPLEX_BC, limit);
     if (status == BW_OK) status = bw_build_complex(&apart, &other->cells, &build, &other->complex);

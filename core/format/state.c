@@ -185,7 +185,7 @@ static void set_counts(bw_state *s, const counts *n) {
     m->vertex_count = n->vertex, m->tet_count = n->tet, m->facet_count = n->facet, m->edge_count = n->edge;
     m->wall_count = n->wall, m->feature_vertex_count = n->feature_vertex;
     m->feature_edge_count = n->feature_edge, m->feature_facet_count = n->feature_facet;
-    m->mirrored = n->mirrored, s->map.exponent = (int32_t)n->exponent;
+    m->mirrored = n->mirrored, m->of_hexes = n->has_source, s->map.exponent = (int32_t)n->exponent;
     s->has_cells = n->has_cells, s->has_complex = n->has_complex;
     c->mesh = m, c->map = &s->map;
     c->vertex_count = c->vertex_room = n->cell_vertex, c->edge_count = c->edge_room = n->cell_edge;

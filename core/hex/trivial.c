@@ -90,7 +90,7 @@ static bw_status take_hexes(maker *m) {
     bw_tet_mesh *mesh = m->mesh;
     s->vertex_count = mesh->vertex_count, s->hex_count = mesh->hex_count, s->subdivide = 1;
     s->hex = mesh->hex;
-    mesh->hex = NULL, mesh->hex_count = 0;
+    mesh->hex = NULL, mesh->hex_count = 0, mesh->of_hexes = 1;
     s->position = bw_alloc(m->ctx, s->vertex_count, sizeof *s->position);
     s->held = bw_alloc(m->ctx, s->vertex_count, sizeof *s->held);
     s->carrier = bw_alloc(m->ctx, s->vertex_count, sizeof *s->carrier);

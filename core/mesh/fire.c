@@ -90,6 +90,12 @@ static int64_t step_between(const bw_cells *c, bw_cedge from, bw_cedge to, bw_te
     return most;
 }
 
+/* Of fire that enters a polygon at one edge and stands at another. Hexes are counted, whichever way it goes (MC 5.1); their faces are halved, and diagonals pass for nothing. */
+static int64_t step_to(const bw_cells *c, bw_cedge from, bw_cedge to, bw_tet tet, uint8_t heading) {
+    if (c->mesh->of_hexes) return bw_cells_edge_axis(c, to, tet) < 0 ? 0 : (int64_t)1 << c->map->exponent;
+    return heading == EVERYWHERE ? step_between(c, from, to, tet) : lowest(c, to, tet, heading) - lowest(c, from, tet, heading);
+}
+
 /* A heading carried along a rotation. */
 static uint8_t turn(bw_rotation r, uint8_t heading) {
     if (heading == EVERYWHERE) return heading;
@@ -111,13 +117,11 @@ static bw_status burn(bw_fire *f, bw_polygon p, bw_cedge edge, bw_cell cell, int
     if (c->polygon[p].cell[0] != cell) heading = turn(bw_cells_transition(c, p, cell).rotation, heading);
     bw_tet tet = bw_cells_tet(c, c->polygon[p].cell[0]);
     bw_cedge start = edge == BW_NONE ? c->half[c->polygon[p].half].edge : edge;
-    int64_t base = heading == EVERYWHERE ? 0 : lowest(c, start, tet, heading);
     bw_half h = c->polygon[p].half;
     do {
         bw_cedge e = c->half[h].edge;
         if (e != edge && !bw_cells_edge_is_boundary(c, e) && !bw_cells_edge_is_singular(c, e)) {
-            int64_t step = heading == EVERYWHERE ? step_between(c, start, e, tet) : lowest(c, e, tet, heading) - base;
-            entry x = {.distance = distance + step, .age = f->age++, .edge = e, .from = p, .heading = heading};
+            entry x = {.distance = distance + step_to(c, start, e, tet, heading), .age = f->age++, .edge = e, .from = p, .heading = heading};
             status = push(f, x);
             if (status != BW_OK) return status;
         }

@@ -5,7 +5,7 @@
  * the edge is found or made by one cut, burnt, and the fire stands at its other edges.
  *
  *   as in the paper   entries inside a tet go first, so a wall crosses a tet whole before the next (5.2.1); distances count along
- *                     the heading only (5.2.2); an edge with three burnt polygons is not crossed again (alive, Algorithm 1)
+ *                     the heading only (5.2.2), in meshes of hexes whole hexes (5.1); an edge with three burnt polygons is not crossed again (alive, Algorithm 1)
  *   different         a cell is cut when the fire crosses into it, not when it arrives: what dies leaves no cut; entries of edges and
  *                     polygons that were split meanwhile are resolved through the split records when they are taken out
  *

@@ -48,6 +48,7 @@ typedef struct {
     bw_vertex (*feature_edge)[2];
     bw_vertex (*feature_facet)[3];
 
+    uint8_t of_hexes; /* made of hexes, each a unit cube of the map (hex/trivial.h): walls run along facets only, and distances are counted in hexes */
     uint8_t mirrored; /* the input listed negative tets: corners 2 and 3 of every tet were swapped */
 } bw_tet_mesh;
 

@@ -5,8 +5,8 @@
 #include "mesh/fire.h"
 #include "mesh/walk.h"
 
-/* Where a block is cut in two: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it; or, if tets stay whole, at an end of
- * such an edge. */
+/* Where a block is cut in two: strictly inside an edge at which two of its walls meet at a right angle, perpendicular to it; or, where tets are those of hexes, at an
+ * end of such an edge. */
 typedef struct {
     bw_cell cell;
     bw_plane plane;
@@ -88,12 +88,12 @@ static bool bounds(const bw_cells *c, const bw_complex *x, bw_polygon p, int s, 
 }
 
 /* Considers the edges of one wall polygon, seen from the cell in its slot s: keeps the longest right-angled one. */
-static void consider(const bw_cells *c, bw_polygon p, int s, bool whole, start *best) {
+static void consider(const bw_cells *c, bw_polygon p, int s, start *best) {
     bw_half h = c->polygon[p].half;
     do {
         bw_cedge e = c->half[h].edge;
         h = c->half[h].next;
-        start at = whole ? at_end(c, e, 0, c->polygon[p].cell[s]) : across_edge(c, e, c->polygon[p].cell[s]);
+        start at = c->mesh->of_hexes ? at_end(c, e, 0, c->polygon[p].cell[s]) : across_edge(c, e, c->polygon[p].cell[s]);
         if (at.length <= best->length) continue;
         int slot = s;
         bw_plane plane = bw_cells_polygon_plane(c, p, bw_cells_tet(c, c->polygon[p].cell[s]));
@@ -103,11 +103,11 @@ static void consider(const bw_cells *c, bw_polygon p, int s, bool whole, start *
     } while (h != c->polygon[p].half);
 }
 
-static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_block block, bool whole) {
+static start longest_right_angle(const bw_cells *c, const bw_complex *x, bw_block block) {
     start best = {.length = 0};
     for (size_t p = 0; p < c->polygon_count; p++)
         for (int s = 0; s < 2; s++)
-            if (bounds(c, x, (bw_polygon)p, s, block)) consider(c, (bw_polygon)p, s, whole, &best);
+            if (bounds(c, x, (bw_polygon)p, s, block)) consider(c, (bw_polygon)p, s, &best);
     return best;
 }
 
@@ -202,12 +202,12 @@ static void init_fire(bw_fire *fire, bw_context *ctx, bw_cells *cells, uint64_t 
     bw_fire_init(fire, ctx, cells, &(bw_fire_rules){.stops_at_walls = true, .flags = BW_SPLIT, .max_cells = max_cells});
 }
 
-static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *complex, const bw_torus_list *tori, const bw_build_options *options) {
+static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *complex, const bw_torus_list *tori, uint64_t max_cells) {
     bw_fire fire;
-    init_fire(&fire, ctx, cells, options->max_cells);
+    init_fire(&fire, ctx, cells, max_cells);
     bw_status status = BW_OK;
     for (size_t i = 0; i < tori->count && status == BW_OK; i++) {
-        start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]], options->whole_tets);
+        start from = longest_right_angle(cells, complex, complex->cell_block[tori->cell[i]]);
         joint at = from.length ? longest_joint(cells, complex, from) : (joint){.length = 0};
         if (at.length) status = bw_fire_ignite_at(&fire, at.edge, at.at);
         else if (from.length) status = ignite_start(&fire, from);
@@ -218,7 +218,7 @@ static bw_status split_tori(bw_context *ctx, bw_cells *cells, const bw_complex *
     return status;
 }
 
-static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, const bw_build_options *options, bw_complex *complex, size_t *splits) {
+static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, uint64_t max_cells, bw_complex *complex, size_t *splits) {
     bw_torus_list tori = {0};
     bw_status status = bw_complex_build(ctx, cells, complex, &tori);
     for (int round = 0; status == BW_OK && tori.count; round++) {
@@ -231,7 +231,7 @@ static bw_status build_cuboids(bw_context *ctx, bw_cells *cells, const bw_build_
                              cells->mesh->tet_id[tet]);
         }
         *splits += tori.count;
-        if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, options);
+        if (status == BW_OK) status = split_tori(ctx, cells, complex, &tori, max_cells);
         bw_complex_clear(ctx, complex);
         if (status == BW_OK) status = bw_complex_build(ctx, cells, complex, &tori);
     }
@@ -300,9 +300,9 @@ static start in_block(const bw_cells *c, const bw_complex *x, bw_block block, in
 }
 
 /* Cuts every block that touches itself across opposite sides; *cut counts them. */
-static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_complex *x, const bw_build_options *options, size_t *cut) {
+static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_complex *x, uint64_t max_cells, size_t *cut) {
     bw_fire fire;
-    init_fire(&fire, ctx, cells, options->max_cells);
+    init_fire(&fire, ctx, cells, max_cells);
     bw_status status = BW_OK;
     bw_block last = BW_NONE;
     *cut = 0;
@@ -310,7 +310,7 @@ static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_
         if (x->patch_block[p][0] != x->patch_block[p][1] || x->patch_block[p][0] == last) continue;
         if (x->patch_side[p][0] >> 1 != x->patch_side[p][1] >> 1 || x->patch_side[p][0] == x->patch_side[p][1]) continue;
         int axis = x->patch_side[p][0] >> 1;
-        start from = options->whole_tets ? in_block(cells, x, x->patch_block[p][0], axis) : across_block(cells, x, x->patch_block[p][0], axis);
+        start from = cells->mesh->of_hexes ? in_block(cells, x, x->patch_block[p][0], axis) : across_block(cells, x, x->patch_block[p][0], axis);
         if (!from.length) continue;
         last = x->patch_block[p][0];
         ++*cut;
@@ -323,12 +323,12 @@ static bw_status split_self_adjacent(bw_context *ctx, bw_cells *cells, const bw_
 
 bw_status bw_build_complex(bw_context *ctx, bw_cells *cells, const bw_build_options *options, bw_complex *complex) {
     size_t splits = 0, cut = options->split_self_adjacent;
-    bw_status status = build_cuboids(ctx, cells, options, complex, &splits);
+    bw_status status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
     for (int round = 0; round < 8 && cut && status == BW_OK; round++) {
-        status = split_self_adjacent(ctx, cells, complex, options, &cut);
+        status = split_self_adjacent(ctx, cells, complex, options->max_cells, &cut);
         if (!cut || status != BW_OK) break;
         bw_complex_clear(ctx, complex);
-        status = build_cuboids(ctx, cells, options, complex, &splits);
+        status = build_cuboids(ctx, cells, options->max_cells, complex, &splits);
     }
     complex->torus_splits = splits;
     bw_progress(ctx, 0.7);

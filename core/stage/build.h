@@ -7,7 +7,6 @@
 typedef struct {
     uint64_t max_cells; /* that all cuts, of trace too, may add to those of the tets */
     bool split_self_adjacent; /* blocks that touch themselves across opposite sides get a wall in their middle */
-    bool whole_tets; /* walls go along facets only: the tets are those of a mesh of hexes (hex/trivial.h), which no wall may run through */
 } bw_build_options;
 
 /* Reads the complex off the walls; while some block is a torus, cuts it open with more walls (flag BW_SPLIT) and reads again.

@@ -53,7 +53,7 @@ static inline void hex_input_build(hex_input *in, bw_complex_kind kind, bw_reduc
     bw_reduce_report reduced;
     kit_expect_ok(ctx, bw_cells_init(ctx, &in->cells, &in->mesh, &in->map));
     kit_expect_ok(ctx, bw_trace(ctx, &in->cells, kind, 1000));
-    kit_expect_ok(ctx, bw_build_complex(ctx, &in->cells, &(bw_build_options){.max_cells = 1000, .split_self_adjacent = split, .whole_tets = true}, &in->complex));
+    kit_expect_ok(ctx, bw_build_complex(ctx, &in->cells, &(bw_build_options){.max_cells = 1000, .split_self_adjacent = split}, &in->complex));
     kit_expect_ok(ctx, bw_reduce(ctx, &in->cells, &in->complex, &(bw_reduce_options){mode, split, 1}, &reduced));
     kit_expect_ok(ctx, bw_trivial_label(ctx, &in->cells, &in->complex, &in->source));
     kit_expect_ok(ctx, bw_trivial_hold(ctx, &in->mesh, &in->map, &in->source));
