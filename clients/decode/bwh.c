@@ -17,10 +17,12 @@ enum { VERTICES_MOST = 192, PARTS_MOST = 256, POINTS_MOST = 4096 };
 
 /* Models of the shape, and of the places. */
 enum {
-    LISTED, BLOCK, SIZE = BLOCK + 128, KNOWN = SIZE + 3 * 128, GUESSED = KNOWN + 27, STEP = GUESSED + 27, CHOICE = STEP + 128, BACK = CHOICE + 64,
-    HELD = BACK + 128, SHAPE_MODELS = HELD + 4 * 125 * 4
+    LISTED, BLOCK, SIZE = BLOCK + 128, KNOWN = SIZE + 3 * 128, GUESSED = KNOWN + 4 * 27, LINKED = GUESSED + 4 * 27, LINK = LINKED + 1, STEP = LINK + 8,
+    CHOICE = STEP + 128, BACK = CHOICE + 64, HELD = BACK + 128, SHAPE_MODELS = HELD + 4 * 125 * 4
 };
 enum { HIGH, LOW = 4 * 17 * 8, SIGN = LOW + 4 * 65 * 5 * 16, NEXT = SIGN + 4 * 27, PLACE_MODELS = NEXT + 65 };
+enum { BY_NUMBER, BY_FACE, BY_LINE, BY_LINK }; /* how a point on the outside was guessed at */
+enum { LINKS = 8 };                              /* vertices on walls that one knows to be next to it */
 enum { CORNER_NEW, CORNER_AS_BEFORE, CORNER_OF_LAST, CORNER_BACK = CORNER_OF_LAST + 3 };
 
 const uint8_t bwh_ring[8] = {0, 1, 3, 2, 4, 5, 7, 6};
@@ -48,7 +50,12 @@ typedef struct {
     size_t vertices;      /* numbered so far */
     uint8_t (*bits)[3], (*sign)[3]; /* [vertex] of what was not foreseen */
     int32_t *grid;        /* of the block at hand */
-    int32_t first;        /* its first new vertex */
+    int32_t first, last;  /* its first new vertex, and the last older one that it found; -1: none */
+    int32_t *seen;        /* [vertex] the last grid that has it outside, from 1 */
+    int32_t grids;        /* so far */
+    int32_t *row;         /* [vertex] of link; -1: none */
+    int32_t (*link)[LINKS]; /* [row] vertices next to it on the outside of grids that are done, then -1 */
+    size_t rows, room;
     uint32_t rate[MODEL_MOST + 1], crc_table[256];
     model shape_model[SHAPE_MODELS], place_model[PLACE_MODELS];
 } decoder;
@@ -410,58 +417,178 @@ typedef struct {
     int32_t *at;
 } point;
 
-static int64_t guess(const decoder *d, const point *p, int64_t last) {
-    int inside[3] = {0}, count = 0;
-    for (int k = 0; k < 3; k++)
-        if (p->x[k] > 0 && p->x[k] < p->n[k]) inside[count++] = k;
-    int64_t to = last + 1;
-    if (count == 2 && p->x[inside[0]] >= 2 && p->x[inside[1]] >= 2) {
-        size_t a = p->step[inside[0]], b = p->step[inside[1]];
-        to = (int64_t)*(p->at - a) + *(p->at - b) - *(p->at - a - b);
-    } else {
-        for (int i = count; i-- > 0;)
-            if (p->x[inside[i]] >= 3) to = 2 * (int64_t)*(p->at - p->step[inside[i]]) - *(p->at - 2 * p->step[inside[i]]);
-    }
-    return to < 0 ? 0 : to >= (int64_t)d->vertices ? (int64_t)d->vertices - 1 : to;
+static bool at_end(const point *p, int k) {
+    return p->x[k] == 0 || p->x[k] == p->n[k];
 }
 
-/* Number of a point on the outside; *fresh if it is a new vertex. false if there is no such vertex. */
-static bool take_glue(decoder *d, const point *p, int64_t *last, bool *fresh) {
-    unsigned context = 0;
-    for (int k = 0; k < 3; k++) context = 3 * context + (!p->x[k] ? 0 : *(p->at - p->step[k]) >= d->first ? 1 : 2);
-    *fresh = !get_bit(d, &d->shape, &d->shape_model[KNOWN + context]);
-    if (*fresh) return true;
-    if (!d->vertices) return false;
-    int64_t to = guess(d, p, *last);
-    if (!get_bit(d, &d->shape, &d->shape_model[GUESSED + context])) {
-        uint64_t folded;
-        if (!get_number(d, &d->shape, &d->shape_model[STEP], &folded)) return false;
-        to += unfold(folded + 1);
+/* The point one step back along axis k, and the one along l from there; l < 0: none. */
+static int32_t back(const point *p, int k, int l) {
+    return *(p->at - p->step[k] - (l < 0 ? 0 : p->step[l]));
+}
+
+/* ---- what is next to what on the walls of the grids that are done ---- */
+
+static const int32_t *links_of(const decoder *d, int32_t v) {
+    static const int32_t none[LINKS] = {-1, -1, -1, -1, -1, -1, -1, -1};
+    return d->row[v] < 0 ? none : d->link[d->row[v]];
+}
+
+static bool are_linked(const decoder *d, int32_t from, int32_t to) {
+    const int32_t *list = links_of(d, from);
+    for (int i = 0; i < LINKS && list[i] >= 0; i++)
+        if (list[i] == to) return true;
+    return false;
+}
+
+static bool add_link(decoder *d, int32_t from, int32_t to) {
+    if (d->row[from] < 0) {
+        if (d->rows == d->room) {
+            size_t room = d->room + d->room / 2 + 256;
+            void *more = room <= SIZE_MAX / sizeof *d->link ? realloc(d->link, room * sizeof *d->link) : NULL;
+            if (!more) return false;
+            d->link = more, d->room = room;
+        }
+        d->row[from] = (int32_t)d->rows++;
+        memset(d->link[d->row[from]], 0xff, sizeof *d->link);
     }
-    if (to < 0 || to >= (int64_t)d->vertices) return false;
-    *p->at = (int32_t)to, *last = to;
+    int32_t *list = d->link[d->row[from]];
+    for (int i = 0; i < LINKS && list[i] != to; i++)
+        if (list[i] < 0) {
+            list[i] = to;
+            break;
+        }
     return true;
 }
 
-static bool take_point(decoder *d, const point *p, int64_t *last) {
-    bool fresh = true, inside = p->x[0] && p->x[1] && p->x[2];
-    unsigned ends = 0;
-    for (int k = 0; k < 3; k++) ends += p->x[k] == 0 || p->x[k] == p->n[k];
-    if (ends && !take_glue(d, p, last, &fresh)) return false;
-    if (!fresh) return !ran_out(d);
+/* Edges on the outside. */
+static bool link_point(decoder *d, const point *p) {
+    for (int k = 0; k < 3; k++)
+        if (p->x[k] && (at_end(p, (k + 1) % 3) || at_end(p, (k + 2) % 3)))
+            if (!add_link(d, back(p, k, -1), *p->at) || !add_link(d, *p->at, back(p, k, -1))) return false;
+    return true;
+}
+
+static bool is_seen(const decoder *d, int32_t v) {
+    return d->seen[v] == d->grids;
+}
+
+/* What is next to both u and v but is not w, and not yet in the grid; -1: nothing. */
+static int32_t across(const decoder *d, int32_t u, int32_t v, int32_t w) {
+    const int32_t *list = links_of(d, u);
+    for (int i = 0; i < LINKS && list[i] >= 0; i++)
+        if (list[i] != w && !is_seen(d, list[i]) && are_linked(d, v, list[i])) return list[i];
+    return -1;
+}
+
+static bool share_face(const decoder *d, int32_t t, int32_t u, int32_t v) {
+    const int32_t *list = links_of(d, v);
+    for (int i = 0; i < LINKS && list[i] >= 0; i++)
+        if (list[i] != u && are_linked(d, t, list[i])) return true;
+    return false;
+}
+
+/* What is next to u, in no face with t beside it, and not yet in the grid. */
+static int32_t straight(const decoder *d, int32_t t, int32_t u) {
+    const int32_t *list = links_of(d, u);
+    for (int i = 0; i < LINKS && list[i] >= 0; i++)
+        if (list[i] != t && !is_seen(d, list[i]) && !share_face(d, t, u, list[i])) return list[i];
+    return -1;
+}
+
+static int32_t any_link(const decoder *d, int32_t u) {
+    const int32_t *list = links_of(d, u);
+    for (int i = 0; i < LINKS && list[i] >= 0; i++)
+        if (!is_seen(d, list[i])) return list[i];
+    return -1;
+}
+
+/* ---- points ---- */
+
+static int32_t next_number(const decoder *d, const point *p) {
+    int inside[3] = {0}, count = 0;
+    for (int k = 0; k < 3; k++)
+        if (!at_end(p, k)) inside[count++] = k;
+    int64_t to = (int64_t)d->last + 1, most = (int64_t)d->vertices - 1;
+    if (count == 2 && p->x[inside[0]] >= 2 && p->x[inside[1]] >= 2) {
+        int a = inside[0], b = inside[1];
+        to = (int64_t)back(p, a, -1) + back(p, b, -1) - back(p, a, b);
+    } else {
+        for (int i = count; i-- > 0;)
+            if (p->x[inside[i]] >= 3) to = 2 * (int64_t)back(p, inside[i], -1) - back(p, inside[i], inside[i]);
+    }
+    return (int32_t)(to < 0 ? 0 : to > most ? most : to);
+}
+
+/* What a point on the outside may be, and how that is known; *beside: an older vertex next to it, -1: none. */
+static int32_t guess(const decoder *d, const point *p, unsigned *kind, int32_t *beside) {
+    bool older[3];
+    int32_t to = -1;
+    *beside = -1;
+    for (int k = 0; k < 3; k++) {
+        older[k] = p->x[k] && (at_end(p, (k + 1) % 3) || at_end(p, (k + 2) % 3)) && back(p, k, -1) < d->first;
+        if (older[k] && *beside < 0) *beside = back(p, k, -1);
+    }
+    *kind = BY_FACE;
+    for (int c = 2; c >= 0 && to < 0; c--) {
+        int a = c == 0, b = 2 - (c == 2);
+        if (older[a] && older[b] && at_end(p, c)) to = across(d, back(p, a, -1), back(p, b, -1), back(p, a, b));
+    }
+    if (to < 0) *kind = BY_LINE;
+    for (int k = 0; k < 3 && to < 0; k++)
+        if (older[k] && p->x[k] >= 2 && back(p, k, k) < d->first) to = straight(d, back(p, k, k), back(p, k, -1));
+    if (to < 0) *kind = BY_LINK;
+    if (to < 0 && *beside >= 0) to = any_link(d, *beside);
+    if (to < 0) *kind = BY_NUMBER, to = next_number(d, p);
+    return to;
+}
+
+/* A vertex that was not guessed; -1: there is none such. */
+static int32_t take_other(decoder *d, int32_t beside) {
+    uint64_t folded;
+    if (beside >= 0 && get_bit(d, &d->shape, &d->shape_model[LINKED])) return links_of(d, beside)[get_tree(d, &d->shape, &d->shape_model[LINK], 3)];
+    if (!get_number(d, &d->shape, &d->shape_model[STEP], &folded)) return -1;
+    int64_t to = (int64_t)d->last + 1 + unfold(folded);
+    return to >= 0 && to < (int64_t)d->vertices ? (int32_t)to : -1;
+}
+
+/* Number of a point on the outside; *fresh if it is a new vertex. false if there is no such vertex. */
+static bool take_glue(decoder *d, const point *p, bool *fresh) {
+    unsigned context;
+    int32_t beside, to = guess(d, p, &context, &beside);
+    for (int k = 0; k < 3; k++) context = 3 * context + (!p->x[k] ? 0 : back(p, k, -1) >= d->first ? 1 : 2);
+    *fresh = !get_bit(d, &d->shape, &d->shape_model[KNOWN + context]);
+    if (*fresh) return true;
+    if (!get_bit(d, &d->shape, &d->shape_model[GUESSED + context])) to = take_other(d, beside);
+    if (to < 0) return false;
+    *p->at = d->last = to;
+    return true;
+}
+
+static bool take_new(decoder *d, const point *p, unsigned ends) {
     near_by near = {0};
-    uint32_t back[3];
+    uint32_t most[3];
+    bool all = p->x[0] && p->x[1] && p->x[2];
     for (int k = 0; k < 3; k++) {
         near.axes |= p->x[k] ? 1u << k : 0;
-        back[k] = p->x[k] > 1 && !inside ? 2 : p->x[k] > 0;
+        most[k] = p->x[k] > 1 && !all ? 2 : p->x[k] > 0;
     }
     memset(near.at, 0xff, sizeof near.at);
-    for (uint32_t z = 0; z <= back[2]; z++)
-        for (uint32_t y = 0; y <= back[1]; y++)
-            for (uint32_t x = 0; x <= back[0]; x++)
+    for (uint32_t z = 0; z <= most[2]; z++)
+        for (uint32_t y = 0; y <= most[1]; y++)
+            for (uint32_t x = 0; x <= most[0]; x++)
                 if (x || y || z) near.at[x + 3 * y + 9 * z] = *(p->at - x * p->step[0] - y * p->step[1] - z * p->step[2]);
     *p->at = (int32_t)d->vertices;
     return take_vertex(d, &near, ends);
+}
+
+static bool take_point(decoder *d, const point *p) {
+    bool fresh = true;
+    unsigned ends = 0;
+    for (int k = 0; k < 3; k++) ends += at_end(p, k);
+    if (ends && !take_glue(d, p, &fresh)) return false;
+    if (fresh ? !take_new(d, p, ends) : ran_out(d)) return false;
+    if (ends) d->seen[*p->at] = d->grids;
+    return true;
 }
 
 static void put_hexes(const decoder *d, const bwh_part *part) {
@@ -483,12 +610,16 @@ static bwh_status read_block(decoder *d, const bwh_part *part) {
     d->grid = points <= SIZE_MAX / 4 ? malloc((size_t)points * sizeof *d->grid) : NULL;
     if (!d->grid) return BWH_MEMORY;
     point p = {.n = n, .step = {1, (size_t)n[0] + 1, ((size_t)n[0] + 1) * ((size_t)n[1] + 1)}, .at = d->grid};
-    int64_t last = -1;
-    d->first = (int32_t)d->vertices;
+    d->first = (int32_t)d->vertices, d->last = -1, d->grids++;
     for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
         for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
             for (p.x[0] = 0; p.x[0] <= n[0]; p.x[0]++, p.at++)
-                if (!take_point(d, &p, &last)) return BWH_DAMAGED;
+                if (!take_point(d, &p)) return BWH_DAMAGED;
+    p.at = d->grid;
+    for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
+        for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
+            for (p.x[0] = 0; p.x[0] <= n[0]; p.x[0]++, p.at++)
+                if (!link_point(d, &p)) return BWH_MEMORY;
     put_hexes(d, part);
     return BWH_OK;
 }
@@ -552,7 +683,10 @@ static bwh_status read_mesh(decoder *d) {
     m->ijk = malloc(h * sizeof *m->ijk);
     d->bits = malloc(v * sizeof *d->bits);
     d->sign = malloc(v * sizeof *d->sign);
-    if (!m->position || !m->held || !m->hex || !m->block || !m->ijk || !d->bits || !d->sign) return BWH_MEMORY;
+    d->seen = calloc(v, sizeof *d->seen);
+    d->row = malloc(v * sizeof *d->row);
+    if (!m->position || !m->held || !m->hex || !m->block || !m->ijk || !d->bits || !d->sign || !d->seen || !d->row) return BWH_MEMORY;
+    memset(d->row, 0xff, v * sizeof *d->row);
     bwh_status status = BWH_OK;
     for (size_t i = 0; i < m->part_count && status == BWH_OK; i++) status = m->part[i].n[1] ? read_block(d, &m->part[i]) : read_listed(d, &m->part[i]);
     if (status == BWH_OK && (d->vertices != m->vertex_count || !all_read(d) || !finish_positions(d))) status = BWH_DAMAGED;
@@ -575,7 +709,7 @@ bwh_status bwh_decode(const void *data, size_t size, size_t max_bytes, bwh_mesh 
     bwh_status status = read_front(d, data, size, max_bytes);
     if (status == BWH_OK) status = read_parts(d);
     if (status == BWH_OK) status = read_mesh(d);
-    free(d->grid), free(d->bits), free(d->sign);
+    free(d->grid), free(d->bits), free(d->sign), free(d->seen), free(d->row), free(d->link);
     free(d);
     if (status != BWH_OK) bwh_clear(mesh);
     return status;

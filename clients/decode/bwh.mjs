@@ -24,9 +24,11 @@ const DOUBLES = 0, DECIMAL = 1, LATTICE = 2;
 const VERTICES_MOST = 192, PARTS_MOST = 256, POINTS_MOST = 4096;
 
 // Models of the shape, and of the places.
-const LISTED = 0, BLOCK = 1, SIZE = BLOCK + 128, KNOWN = SIZE + 3 * 128, GUESSED = KNOWN + 27, STEP = GUESSED + 27, CHOICE = STEP + 128, BACK = CHOICE + 64,
-  HELD = BACK + 128, SHAPE_MODELS = HELD + 4 * 125 * 4;
+const LISTED = 0, BLOCK = 1, SIZE = BLOCK + 128, KNOWN = SIZE + 3 * 128, GUESSED = KNOWN + 4 * 27, LINKED = GUESSED + 4 * 27, LINK = LINKED + 1, STEP = LINK + 8,
+  CHOICE = STEP + 128, BACK = CHOICE + 64, HELD = BACK + 128, SHAPE_MODELS = HELD + 4 * 125 * 4;
 const HIGH = 0, LOW = 4 * 17 * 8, SIGN = LOW + 4 * 65 * 5 * 16, NEXT = SIGN + 4 * 27, PLACE_MODELS = NEXT + 65;
+const BY_NUMBER = 0, BY_FACE = 1, BY_LINE = 2, BY_LINK = 3; // how a point on the outside was guessed at
+const LINKS = 8; // vertices on walls that one knows to be next to it
 const CORNER_NEW = 0, CORNER_AS_BEFORE = 1, CORNER_OF_LAST = 2, CORNER_BACK = 5;
 
 const damaged = () => new BwhError('damaged', 'the file is damaged: it contradicts itself');
@@ -217,6 +219,11 @@ class Decoder {
     this.bits = new Uint8Array(3 * this.vertexCount); // of what was not foreseen, and its sign
     this.sign = new Uint8Array(3 * this.vertexCount);
     this.near = new Int32Array(27);
+    this.seen = new Int32Array(this.vertexCount); // the last grid that has a vertex outside, from 1
+    this.grids = 0;
+    this.row = new Int32Array(this.vertexCount).fill(-1); // of link, -1: none
+    this.link = new Int32Array(LINKS * 256).fill(-1); // vertices next to one on the outside of grids that are done
+    this.rows = 0;
   }
 
   // ---- coordinates
@@ -355,8 +362,50 @@ class Decoder {
 
   // ---- blocks
 
+  addLink(from, to) {
+    if (this.row[from] < 0) {
+      if (LINKS * this.rows === this.link.length) {
+        const more = new Int32Array(2 * this.link.length).fill(-1);
+        more.set(this.link);
+        this.link = more;
+      }
+      this.row[from] = this.rows++;
+    }
+    for (let i = LINKS * this.row[from], end = i + LINKS; i < end && this.link[i] !== to; i++)
+      if (this.link[i] < 0) {
+        this.link[i] = to;
+        break;
+      }
+  }
+
+  // The first vertex next to u that is not yet in the grid and is as it should be; -1: none.
+  findLink(u, good) {
+    const { row, link, seen, grids } = this;
+    if (row[u] < 0) return -1;
+    for (let i = LINKS * row[u], end = i + LINKS; i < end && link[i] >= 0; i++)
+      if (seen[link[i]] !== grids && good(link[i])) return link[i];
+    return -1;
+  }
+
+  areLinked(from, to) {
+    const { row, link } = this;
+    if (row[from] < 0) return false;
+    for (let i = LINKS * row[from], end = i + LINKS; i < end && link[i] >= 0; i++)
+      if (link[i] === to) return true;
+    return false;
+  }
+
+  // Is there a vertex next to both t and v, besides u?
+  shareFace(t, u, v) {
+    const { row, link } = this;
+    if (row[v] < 0) return false;
+    for (let i = LINKS * row[v], end = i + LINKS; i < end && link[i] >= 0; i++)
+      if (link[i] !== u && this.areLinked(t, link[i])) return true;
+    return false;
+  }
+
   // What number a point on the outside would have if numbers went on as they do beside it.
-  guess(grid, step, n, x, at) {
+  nextNumber(grid, step, n, x, at) {
     const inside = [0, 1, 2].filter(k => x[k] > 0 && x[k] < n[k]);
     let to = this.last + 1;
     if (inside.length === 2 && x[inside[0]] >= 2 && x[inside[1]] >= 2) {
@@ -369,14 +418,47 @@ class Decoder {
     return Math.min(Math.max(to, 0), this.vertices - 1);
   }
 
+  // What a point on the outside may be; this.kindOfGuess says how that is known, this.beside is an older vertex next to it, -1: none.
+  guess(grid, step, n, x, at) {
+    const { first } = this, end = [0, 1, 2].map(k => x[k] === 0 || x[k] === n[k]);
+    const older = [0, 1, 2].map(k => x[k] > 0 && (end[(k + 1) % 3] || end[(k + 2) % 3]) && grid[at - step[k]] < first);
+    const k0 = older.indexOf(true);
+    let to = -1;
+    this.beside = k0 < 0 ? -1 : grid[at - step[k0]];
+    this.kindOfGuess = BY_FACE;
+    for (let c = 2; c >= 0 && to < 0; c--) {
+      const a = c === 0 ? 1 : 0, b = c === 2 ? 1 : 2;
+      if (!older[a] || !older[b] || !end[c]) continue;
+      const v = grid[at - step[b]], w = grid[at - step[a] - step[b]];
+      to = this.findLink(grid[at - step[a]], y => y !== w && this.areLinked(v, y));
+    }
+    if (to < 0) this.kindOfGuess = BY_LINE;
+    for (let k = 0; k < 3 && to < 0; k++) {
+      const u = grid[at - step[k]], t = grid[at - 2 * step[k]];
+      if (older[k] && x[k] >= 2 && t < first) to = this.findLink(u, y => y !== t && !this.shareFace(t, u, y));
+    }
+    if (to < 0) this.kindOfGuess = BY_LINK;
+    if (to < 0 && this.beside >= 0) to = this.findLink(this.beside, () => true);
+    if (to < 0) this.kindOfGuess = BY_NUMBER, to = this.nextNumber(grid, step, n, x, at);
+    return to;
+  }
+
+  // A vertex that was not guessed.
+  takeOther() {
+    const { beside, row, link, shape } = this;
+    if (beside >= 0 && shape.bit(LINKED)) {
+      const place = shape.tree(LINK, 3);
+      return row[beside] < 0 ? -1 : link[LINKS * row[beside] + place];
+    }
+    return this.last + 1 + unfold(shape.number(STEP));
+  }
+
   // A grid point on the outside: its number, or -1 if it is a new vertex.
   takeGlue(grid, step, n, x, at) {
-    let context = 0;
+    let to = this.guess(grid, step, n, x, at), context = this.kindOfGuess;
     for (let k = 0; k < 3; k++) context = 3 * context + (!x[k] ? 0 : grid[at - step[k]] >= this.first ? 1 : 2);
     if (!this.shape.bit(KNOWN + context)) return -1;
-    if (!this.vertices) throw damaged();
-    let to = this.guess(grid, step, n, x, at);
-    if (!this.shape.bit(GUESSED + context)) to += unfold(this.shape.number(STEP) + 1);
+    if (!this.shape.bit(GUESSED + context)) to = this.takeOther();
     if (to < 0 || to >= this.vertices) throw damaged();
     return this.last = to;
   }
@@ -384,7 +466,7 @@ class Decoder {
   readBlock(part) {
     const n = part.n, row = n[0] + 1, layer = row * (n[1] + 1), step = [1, row, layer], grid = new Int32Array(layer * (n[2] + 1)), near = this.near, x = [0, 0, 0];
     let at = 0;
-    this.last = -1, this.first = this.vertices;
+    this.last = -1, this.first = this.vertices, this.grids++;
     for (x[2] = 0; x[2] <= n[2]; x[2]++)
       for (x[1] = 0; x[1] <= n[1]; x[1]++)
         for (x[0] = 0; x[0] <= n[0]; x[0]++, at++) {
@@ -392,6 +474,7 @@ class Decoder {
           for (let k = 0; k < 3; k++) ends += x[k] === 0 || x[k] === n[k] ? 1 : 0, axes |= x[k] ? 1 << k : 0;
           const known = ends ? this.takeGlue(grid, step, n, x, at) : -1;
           grid[at] = known < 0 ? this.vertices : known;
+          if (ends && known >= 0) this.seen[known] = this.grids;
           if (known >= 0) continue;
           const most = axes === 7 ? 1 : 2, b0 = Math.min(x[0], most), b1 = Math.min(x[1], most), b2 = Math.min(x[2], most);
           if (axes !== 7) near.fill(-1);
@@ -399,8 +482,25 @@ class Decoder {
             for (let b = 0; b <= b1; b++)
               for (let a = 0; a <= b0; a++) near[a + 3 * b + 9 * c] = grid[at - a - b * row - c * layer];
           this.takeVertex(axes, ends);
+          if (ends) this.seen[grid[at]] = this.grids;
         }
+    this.addLinks(n, grid, step);
     this.putHexes(part, grid, row, layer);
+  }
+
+  // Edges of a grid on its outside.
+  addLinks(n, grid, step) {
+    const x = [0, 0, 0];
+    let at = 0;
+    for (x[2] = 0; x[2] <= n[2]; x[2]++)
+      for (x[1] = 0; x[1] <= n[1]; x[1]++)
+        for (x[0] = 0; x[0] <= n[0]; x[0]++, at++)
+          for (let k = 0; k < 3; k++) {
+            const i = (k + 1) % 3, j = (k + 2) % 3;
+            if (!x[k] || (x[i] > 0 && x[i] < n[i] && x[j] > 0 && x[j] < n[j])) continue;
+            this.addLink(grid[at - step[k]], grid[at]);
+            this.addLink(grid[at], grid[at - step[k]]);
+          }
   }
 
   putHexes({ block, n, first }, grid, row, layer) {

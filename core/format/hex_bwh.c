@@ -3,6 +3,7 @@
 #include <string.h>
 #include <zlib.h>
 
+#include "format/bwh_links.h"
 #include "format/bwh_places.h"
 #include "format/output.h"
 #include "hex/grid.h"
@@ -14,9 +15,11 @@ enum {
     LISTED,                          /* is a part listed hex by hex? */
     BLOCK,                           /* number: block + 1 from that of the part before + 1, folded */
     SIZE = BLOCK + 128,              /* numbers: hexes along an axis, or listed */
-    KNOWN = SIZE + 3 * 128,          /* [status of neighbours, base 3]: is a point on the outside a vertex that is there? */
-    GUESSED = KNOWN + 27,            /* likewise: is it the one guessed? */
-    STEP = GUESSED + 27,             /* number: else how far from it, folded, less 1 */
+    KNOWN = SIZE + 3 * 128,          /* [kind of guess][status of neighbours, base 3]: is a point on the outside a vertex that is there? */
+    GUESSED = KNOWN + 4 * 27,        /* likewise: is it the one guessed? */
+    LINKED = GUESSED + 4 * 27,       /* else: is it next to the older vertex beside it? */
+    LINK = LINKED + 1,               /* [tree of 3] the how manieth there */
+    STEP = LINK + 8,                 /* number: else how far from one more than the last, folded */
     CHOICE = STEP + 128,             /* [corner][tree of 3] of hexes listed */
     BACK = CHOICE + 8 * 8,           /* number: how far back a corner is */
     HELD = BACK + 128,               /* [axes at an end][held of neighbours, base 5][tree of 2] */
@@ -35,7 +38,10 @@ typedef struct {
     uint8_t *held;       /* [number] */
     bw_hvertex *grid;    /* [point] of the block at hand: x fastest */
     size_t grid_room;
-    int32_t first;       /* number of the first new vertex of the block at hand */
+    int32_t first, last; /* numbers: of the first new vertex of the block at hand, of the last that it found there (-1: none) */
+    int32_t *seen;       /* [number] the last block that has it outside, as block_count was then */
+    int32_t block_count; /* grids so far */
+    bw_bwh_links links;
     int32_t block;       /* of the part before */
     bw_range_encoder coder;
     bw_bit_model model[MODELS];
@@ -91,63 +97,163 @@ typedef struct {
     const bw_hvertex *at;
 } point;
 
-/* What number a point on the outside of a block would have if numbers went on as they do beside it: along a face as an affine function, else one more than the last
- * that was guessed at. */
-static int64_t guess(const encoder *e, const point *p, int64_t last) {
+/* How a point on the outside was guessed at. */
+typedef enum {
+    BY_NUMBER, /* nothing next to it is older than the block: by its numbers, should they go on */
+    BY_FACE,   /* next to two older vertices along a face */
+    BY_LINE,   /* straight on from two older ones */
+    BY_LINK    /* next to one older vertex */
+} guess_kind;
+
+typedef struct {
+    guess_kind kind;
+    int32_t number, beside; /* what it is; an older vertex next to it, -1: none */
+} guess;
+
+/* Numbers of the points one step back along axis k, and the one along l from there; l < 0: none. */
+static int32_t back(const encoder *e, const point *p, int k, int l) {
+    return e->number[*(p->at - p->step[k] - (l < 0 ? 0 : p->step[l]))];
+}
+
+static bool at_end(const point *p, int k) {
+    return p->x[k] == 0 || p->x[k] == p->n[k];
+}
+
+/* Is the edge to the point one step back along axis k there, on the outside, and that vertex older than the block? */
+static bool older_along(const encoder *e, const point *p, int k) {
+    return p->x[k] && (at_end(p, (k + 1) % 3) || at_end(p, (k + 2) % 3)) && back(e, p, k, -1) < e->first;
+}
+
+/* What is next to both u and v but is not w, and not yet in the block. */
+static int32_t across(const encoder *e, int32_t u, int32_t v, int32_t w) {
+    const int32_t *list = bw_bwh_links_of(&e->links, u);
+    for (int i = 0; i < BW_BWH_LINKS && list[i] >= 0; i++)
+        if (list[i] != w && e->seen[list[i]] != e->block_count && bw_bwh_links_find(&e->links, v, list[i]) >= 0) return list[i];
+    return -1;
+}
+
+/* Is there a vertex next to both t and v, besides u? */
+static bool share_face(const encoder *e, int32_t t, int32_t u, int32_t v) {
+    const int32_t *list = bw_bwh_links_of(&e->links, v);
+    for (int i = 0; i < BW_BWH_LINKS && list[i] >= 0; i++)
+        if (list[i] != u && bw_bwh_links_find(&e->links, t, list[i]) >= 0) return true;
+    return false;
+}
+
+/* What is next to u, in no face with t beside it, and not yet in the block. */
+static int32_t straight(const encoder *e, int32_t t, int32_t u) {
+    const int32_t *list = bw_bwh_links_of(&e->links, u);
+    for (int i = 0; i < BW_BWH_LINKS && list[i] >= 0; i++)
+        if (list[i] != t && e->seen[list[i]] != e->block_count && !share_face(e, t, u, list[i])) return list[i];
+    return -1;
+}
+
+/* What is next to u, and not yet in the block. */
+static int32_t any_link(const encoder *e, int32_t u) {
+    const int32_t *list = bw_bwh_links_of(&e->links, u);
+    for (int i = 0; i < BW_BWH_LINKS && list[i] >= 0; i++)
+        if (e->seen[list[i]] != e->block_count) return list[i];
+    return -1;
+}
+
+/* Along a face as an affine function of the place, else one more than the last. */
+static int32_t next_number(const encoder *e, const point *p) {
     int inside[3], count = 0;
     for (int k = 0; k < 3; k++)
-        if (p->x[k] > 0 && p->x[k] < p->n[k]) inside[count++] = k;
-    int64_t to = last + 1, most = (int64_t)e->places.count - 1;
+        if (!at_end(p, k)) inside[count++] = k;
+    int64_t to = (int64_t)e->last + 1, most = (int64_t)e->places.count - 1;
     if (count == 2 && p->x[inside[0]] >= 2 && p->x[inside[1]] >= 2) {
-        size_t a = p->step[inside[0]], b = p->step[inside[1]];
-        to = (int64_t)e->number[*(p->at - a)] + e->number[*(p->at - b)] - e->number[*(p->at - a - b)];
+        int a = inside[0], b = inside[1];
+        to = (int64_t)back(e, p, a, -1) + back(e, p, b, -1) - back(e, p, a, b);
     } else {
         for (int i = count; i-- > 0;)
-            if (p->x[inside[i]] >= 3) to = 2 * (int64_t)e->number[*(p->at - p->step[inside[i]])] - e->number[*(p->at - 2 * p->step[inside[i]])];
+            if (p->x[inside[i]] >= 3) to = 2 * (int64_t)back(e, p, inside[i], -1) - back(e, p, inside[i], inside[i]);
     }
-    return to < 0 ? 0 : to > most ? most : to;
+    return (int32_t)(to < 0 ? 0 : to > most ? most : to);
+}
+
+static guess guess_at(const encoder *e, const point *p) {
+    guess g = {BY_NUMBER, -1, -1};
+    bool older[3];
+    for (int k = 0; k < 3; k++) {
+        older[k] = older_along(e, p, k);
+        if (older[k] && g.beside < 0) g.beside = back(e, p, k, -1);
+    }
+    for (int c = 2; c >= 0 && g.number < 0; c--) { /* axes a < b, face across c */
+        int a = c == 0, b = 2 - (c == 2);
+        if (older[a] && older[b] && at_end(p, c)) g = (guess){BY_FACE, across(e, back(e, p, a, -1), back(e, p, b, -1), back(e, p, a, b)), g.beside};
+    }
+    for (int k = 0; k < 3 && g.number < 0; k++)
+        if (older[k] && p->x[k] >= 2 && back(e, p, k, k) < e->first) g = (guess){BY_LINE, straight(e, back(e, p, k, k), back(e, p, k, -1)), g.beside};
+    if (g.number < 0 && g.beside >= 0) g = (guess){BY_LINK, any_link(e, g.beside), g.beside};
+    if (g.number < 0) g.kind = BY_NUMBER, g.number = next_number(e, p);
+    return g;
+}
+
+/* A vertex that was not guessed: by its place among those next to an older one, else by its number. */
+static void put_other(encoder *e, const guess *g, int32_t number) {
+    int place = g->beside < 0 ? -1 : bw_bwh_links_find(&e->links, g->beside, number);
+    if (g->beside >= 0) bw_range_put(&e->coder, &e->model[LINKED], place >= 0);
+    if (place >= 0) bw_range_put_tree(&e->coder, &e->model[LINK], 3, (unsigned)place);
+    else bw_range_put_number(&e->coder, &e->model[STEP], folded((int64_t)number - e->last - 1));
 }
 
 /* Which vertex a point on the outside is, if it is there. */
-static void put_glue(encoder *e, const point *p, int64_t *last) {
-    int context = 0;
-    for (int k = 0; k < 3; k++) context = 3 * context + (!p->x[k] ? 0 : e->number[*(p->at - p->step[k])] >= e->first ? 1 : 2);
+static void put_glue(encoder *e, const point *p) {
+    guess g = guess_at(e, p);
+    int context = (int)g.kind;
+    for (int k = 0; k < 3; k++) context = 3 * context + (!p->x[k] ? 0 : back(e, p, k, -1) >= e->first ? 1 : 2);
     int32_t number = e->number[*p->at];
     bw_range_put(&e->coder, &e->model[KNOWN + context], number >= 0);
     if (number < 0) return;
-    int64_t d = number - guess(e, p, *last);
-    bw_range_put(&e->coder, &e->model[GUESSED + context], !d);
-    if (d) bw_range_put_number(&e->coder, &e->model[STEP], folded(d) - 1);
-    *last = number;
+    bw_range_put(&e->coder, &e->model[GUESSED + context], number == g.number);
+    if (number != g.number) put_other(e, &g, number);
+    e->last = number;
 }
 
-static void put_point(encoder *e, const point *p, int64_t *last) {
-    int ends = 0;
-    for (int k = 0; k < 3; k++) ends += p->x[k] == 0 || p->x[k] == p->n[k];
-    if (ends) put_glue(e, p, last);
-    if (e->number[*p->at] >= 0) return;
+static void put_new(encoder *e, const point *p, int ends) {
     bw_bwh_near near = {0};
-    uint32_t back[3]; /* steps that matter */
-    bool inside = p->x[0] && p->x[1] && p->x[2];
+    uint32_t most[3]; /* steps that matter */
+    bool all = p->x[0] && p->x[1] && p->x[2];
     for (int k = 0; k < 3; k++) {
         near.axes |= p->x[k] ? 1u << k : 0;
-        back[k] = p->x[k] > 1 && !inside ? 2 : p->x[k] > 0;
+        most[k] = p->x[k] > 1 && !all ? 2 : p->x[k] > 0;
     }
     for (uint32_t i = 0; i < 27; i++) {
         const uint32_t d[3] = {i % 3, i / 3 % 3, i / 9};
-        bool there = i && d[0] <= back[0] && d[1] <= back[1] && d[2] <= back[2];
+        bool there = i && d[0] <= most[0] && d[1] <= most[1] && d[2] <= most[2];
         near.at[i] = there ? e->number[*(p->at - d[0] * p->step[0] - d[1] * p->step[1] - d[2] * p->step[2])] : -1;
     }
     put_vertex(e, *p->at, &near, ends);
 }
 
-static void put_grid(encoder *e, const uint32_t n[3]) {
+static void put_point(encoder *e, const point *p) {
+    int ends = 0;
+    for (int k = 0; k < 3; k++) ends += at_end(p, k);
+    if (ends) put_glue(e, p);
+    if (e->number[*p->at] < 0) put_new(e, p, ends);
+    if (ends) e->seen[e->number[*p->at]] = e->block_count;
+}
+/* Edges of the grid on its outside. */
+static bw_status link_point(encoder *e, const point *p) {
+    bw_status status = BW_OK;
+    for (int k = 0; k < 3 && status == BW_OK; k++)
+        if (p->x[k] && (at_end(p, (k + 1) % 3) || at_end(p, (k + 2) % 3))) status = bw_bwh_links_add(e->ctx, &e->links, back(e, p, k, -1), e->number[*p->at]);
+    return status;
+}
+
+static bw_status put_grid(encoder *e, const uint32_t n[3]) {
     point p = {.n = n, .step = {1, (size_t)n[0] + 1, ((size_t)n[0] + 1) * ((size_t)n[1] + 1)}, .at = e->grid};
-    int64_t last = -1;
-    e->first = (int32_t)e->places.count;
+    bw_status status = BW_OK;
+    e->first = (int32_t)e->places.count, e->last = -1, e->block_count++;
     for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
         for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
-            for (p.x[0] = 0; p.x[0] <= n[0]; p.x[0]++, p.at++) put_point(e, &p, &last);
+            for (p.x[0] = 0; p.x[0] <= n[0]; p.x[0]++, p.at++) put_point(e, &p);
+    p.at = e->grid;
+    for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
+        for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
+            for (p.x[0] = 0; p.x[0] <= n[0] && status == BW_OK; p.x[0]++, p.at++) status = link_point(e, &p);
+    return status;
 }
 
 /* ---- hexes one by one ---------------------------------------------------------------------------------------------- */
@@ -213,7 +319,8 @@ static bw_status put_part(encoder *e, size_t g, bool is_grid) {
     if (is_grid) {
         uint32_t n[3];
         bw_status status = measure(e, g, n, &is_grid);
-        if (status == BW_OK) put_grid(e, n);
+        if (status == BW_OK) status = put_grid(e, n);
+        if (status != BW_OK) return status;
     } else {
         listed last = {{-1, -1, -1, -1, -1, -1, -1, -1}, {0}};
         for (size_t i = e->blocks.begin[g]; i < e->blocks.begin[g + 1]; i++) put_hex(e, e->mesh->hex[e->blocks.item[i]], &last);
@@ -287,7 +394,8 @@ static bw_status prepare(encoder *e, int bits) {
     e->uses = bw_alloc(ctx, n, 1);
     e->number = bw_alloc(ctx, n, sizeof *e->number);
     e->held = bw_alloc(ctx, n, 1);
-    if (!e->uses || !e->number || !e->held) return ctx->error.status;
+    e->seen = bw_alloc(ctx, n, sizeof *e->seen);
+    if (!e->uses || !e->number || !e->held || !e->seen || bw_bwh_links_init(ctx, n, &e->links)) return ctx->error.status;
     memset(e->number, 0xff, n * sizeof *e->number);
     for (size_t h = 0; h < e->mesh->hex_count; h++)
         for (int c = 0; c < 8; c++) {
@@ -299,7 +407,8 @@ static bw_status prepare(encoder *e, int bits) {
 
 static void clear(encoder *e) {
     bw_hex_groups_clear(e->ctx, &e->blocks);
-    bw_free(e->ctx, e->uses), bw_free(e->ctx, e->number), bw_free(e->ctx, e->held), bw_free(e->ctx, e->grid);
+    bw_free(e->ctx, e->uses), bw_free(e->ctx, e->number), bw_free(e->ctx, e->held), bw_free(e->ctx, e->seen), bw_free(e->ctx, e->grid);
+    bw_bwh_links_clear(e->ctx, &e->links);
     bw_range_encoder_clear(&e->coder);
     if (e->places.ctx) bw_bwh_places_clear(&e->places);
 }
