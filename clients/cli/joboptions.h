@@ -55,7 +55,7 @@ typedef struct {
     {"time-limit", 0, CLI_NUMBER, offsetof(settings, job.time_limit), "SECONDS",                             \
      "for the search of one quantization (default 10)", 1e-9, 3600},                                         \
     {"route", 0, CLI_CHOICE, offsetof(settings, job.route), "auto|quality|guaranteed",                       \
-     "how hexes are made: a map of low distortion, block by block, or what works (default auto)", 0, 0},     \
+     "how hexes are made: quality, by a map of low distortion; guaranteed, block by block; auto, by what works (default)", 0, 0}, \
     {"subdivide", 0, CLI_INTEGER, offsetof(settings, job.subdivide), "N",                                    \
      "cut every hex of the quantization into N x N x N (default 1)", 1, 1000},                               \
     {"max-hexes", 0, CLI_INTEGER, offsetof(settings, job.max_hexes), "N",                                    \

@@ -13,7 +13,7 @@ enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 
 static void print_help(FILE *stream) {
     fprintf(stream, "Usage: blockwright COMMAND ...\n\n"
-                    "Decomposes a tet mesh with a seamless parametrization into cuboid blocks.\n\n"
+                    "Decomposes a tet mesh with a seamless parametrization into cuboid blocks, and makes hex meshes of them.\n\n"
                     "Commands:\n");
     for (size_t i = 0; i < COMMAND_COUNT; i++)
         fprintf(stream, "  %-8s %s\n", commands[i]->name, commands[i]->summary);
@@ -25,6 +25,7 @@ static void print_help(FILE *stream) {
         "Start here:\n"
         "  blockwright sample part -o part.hexex       make a parametrized part to play with\n"
         "  blockwright run part.hexex --out result     decompose it; see result/report.json\n"
+        "  blockwright run part.hexex --out result --quantize any --target-hexes 5000     and a hex mesh\n"
         "  blockwright help run                        what else 'run' can do\n\n"
         "Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.\n");
 }

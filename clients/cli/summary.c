@@ -109,6 +109,20 @@ static void quantization(const json_t *q) {
     printf("\n");
 }
 
+/* Where the hexes come from, and what was not as asked for. */
+static void hexes_from(const json_t *map, const json_t *extract) {
+    const char *route = json_string_value(json_object_get(map, "route")), *reason = json_string_value(json_object_get(map, "reason"));
+    char text[400];
+    if (!route) return;
+    printf("%-15s ", "map");
+    if (strcmp(route, "quality")) printf("none; hexes block by block");
+    else printf("of the tets, distortion %.3f in the mean, %.3g at most", number(map, "distortion_mean"), number(map, "distortion_max"));
+    if (reason && *reason) printf(" (%s)", cli_safe(text, sizeof text, reason));
+    if (number(extract, "subdivide") > number(extract, "subdivide_asked"))
+        printf("; each hex in %.0f along an edge, or faces would coincide", number(extract, "subdivide"));
+    printf("\n");
+}
+
 /* Shapes of the hex mesh, before and after smoothing, and how far it is from the input. */
 static void hex_quality(const json_t *q) {
     if (!json_is_object(q)) return;
@@ -173,6 +187,7 @@ void cli_summary_print(const json_t *report) {
     repair(json_object_get(json_object_get(report, "sanitize"), "repaired"));
     complexes(json_object_get(report, "complex"));
     quantization(json_object_get(report, "quantization"));
+    hexes_from(json_object_get(report, "reparametrize"), json_object_get(report, "extract"));
     hex_quality(json_object_get(report, "hex_quality"));
     compression(json_object_get(report, "compression"));
     const json_t *quality = json_object_get(report, "quality");

@@ -157,10 +157,34 @@ static void a_quantization_is_shown_with_its_table_of_sizes(void **state) {
     free(text);
 }
 
+/* Whether hexes come from a map or from blocks, and why they do not as asked for. */
+static void the_origin_of_the_hexes_is_shown(void **state) {
+    (void)state;
+    static const char *const routes[] = {"auto", "guaranteed"}, *const lines[] = {"map             of the tets, distortion 1.", "map             none; hexes block by block\n"};
+    const char *folder = kit_temp_path("hexes"), *path = kit_temp_path("hexes/report.json");
+    for (int i = 0; i < 2; i++) {
+        kit_result result;
+        run_blockwright((const char *[]){"run", sample(), "--out", folder, "--quantize", "positive", "--route", routes[i], "--hex-formats", "none", "--quiet", NULL}, &result);
+        kit_result_clear(&result);
+        char *text = show(folder);
+        expect_text(text, lines[i]);
+        free(text);
+    }
+    json_t *root = json_load_file(path, 0, NULL), *extract = json_object_get(root, "extract");
+    json_object_set_new(json_object_get(root, "reparametrize"), "reason", json_string("2 of 9 tets\x1b stay inverted"));
+    json_object_set_new(extract, "subdivide", json_integer(3));
+    assert_int_equal(json_dump_file(root, path, 0), 0);
+    json_decref(root);
+    char *text = show(folder);
+    expect_text(text, "block by block (2 of 9 tets? stay inverted); each hex in 3 along an edge, or faces would coincide\n");
+    free(text);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(raw_and_reduced_counts_are_shown),
         cmocka_unit_test(a_quantization_is_shown_with_its_table_of_sizes),
+        cmocka_unit_test(the_origin_of_the_hexes_is_shown),
         cmocka_unit_test(without_reduction_nothing_is_said_of_it),
         cmocka_unit_test(a_repair_is_shown),
     };

@@ -17,13 +17,27 @@ function fail(text) {
 
 const count = n => n.toLocaleString('en').replaceAll(',', '\u202f');
 
+// However many events there are between two frames, it is drawn once.
+let frame = 0;
+const redraw = () => {
+  frame ||= requestAnimationFrame(() => {
+    frame = 0;
+    scene.draw();
+  });
+};
+
 // ---- colours and the histogram
 
+const STEPS = 200;
+const palette = Array.from({ length: STEPS + 1 }, (_, i) => qualityColour(i / STEPS)); // the first for all that are not positive
+
 function colourQuads() {
-  const byBlock = $('colour').value === 'block', n = skin.block.length, out = new Uint8Array(4 * n);
+  const byBlock = $('colour').value === 'block', n = skin.block.length, out = new Uint8Array(4 * n), known = new Map();
   for (let i = 0; i < n; i++) {
-    const [r, g, b] = byBlock ? blockColour(skin.block[i]) : qualityColour(skin.quality[i]);
-    out[4 * i] = r, out[4 * i + 1] = g, out[4 * i + 2] = b, out[4 * i + 3] = 255;
+    let colour;
+    if (byBlock) known.set(skin.block[i], colour = known.get(skin.block[i]) || blockColour(skin.block[i]));
+    else colour = palette[skin.quality[i] > 0 ? Math.min(STEPS, Math.ceil(skin.quality[i] * STEPS)) : 0];
+    out[4 * i] = colour[0], out[4 * i + 1] = colour[1], out[4 * i + 2] = colour[2], out[4 * i + 3] = 255;
   }
   scene.setColours(out);
 }
@@ -59,7 +73,7 @@ function cutOf() {
 // What the sliders stand for, in words.
 function tellCut({ by, at, below }) {
   $('at').disabled = !by;
-  $('atText').textContent = !by ? '' : 'ijk'.includes(by) ? `${at} layers hidden` : `${Math.round(100 * at)} % shown`;
+  $('atText').textContent = !by ? '' : 'ijk'.includes(by) ? `first ${at} hidden` : `${Math.round(100 * at)} % shown`;
   $('belowText').textContent = below > 1 ? 'all' : below.toFixed(2);
 }
 
@@ -80,7 +94,7 @@ function show(answer) {
   if (fresh) scene.fit(skin.corners);
   fresh = false;
   colourQuads();
-  scene.draw();
+  redraw();
   const left = skin.left ? `; ${count(skin.left)} more faces than can be drawn: cut away less` : '';
   tell('ready', `${count(skin.hexes)} of ${count(mesh.hexes)} hexes, ${count(scene.count)} faces${left}`);
   if (changed) ask();
@@ -150,12 +164,12 @@ function watchCanvas(canvas) {
     } else {
       scene.shift[0] += 2 * event.movementX / canvas.clientWidth, scene.shift[1] -= 2 * event.movementY / canvas.clientHeight;
     }
-    scene.draw();
+    redraw();
   });
   canvas.addEventListener('wheel', event => {
     event.preventDefault();
     scene.zoom *= Math.exp(-event.deltaY * 0.001);
-    scene.draw();
+    redraw();
   }, { passive: false });
   canvas.addEventListener('contextmenu', event => event.preventDefault());
   canvas.addEventListener('keydown', event => {
@@ -163,7 +177,7 @@ function watchCanvas(canvas) {
     const zoom = { '+': 1.1, '-': 1 / 1.1 }[event.key];
     if (step) scene.yaw += step[0], scene.pitch += step[1];
     if (zoom) scene.zoom *= zoom;
-    if (step || zoom) event.preventDefault(), scene.draw();
+    if (step || zoom) event.preventDefault(), redraw();
   });
 }
 
@@ -177,8 +191,8 @@ function start() {
   watchCanvas(scene.canvas);
   new ResizeObserver(() => scene.draw()).observe(scene.canvas);
   for (const id of ['by', 'at', 'below']) $(id).addEventListener('input', ask);
-  $('colour').addEventListener('input', () => skin && (colourQuads(), scene.draw()));
-  $('edges').addEventListener('input', () => (scene.edges = $('edges').checked, scene.draw()));
+  $('colour').addEventListener('input', () => skin && (colourQuads(), redraw()));
+  $('edges').addEventListener('input', () => (scene.edges = $('edges').checked, redraw()));
   $('still').addEventListener('click', still);
   $('file').addEventListener('change', () => $('file').files[0] && ($('jobs').hidden = true, load({ file: $('file').files[0] })));
   addEventListener('hashchange', follow);
