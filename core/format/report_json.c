@@ -33,6 +33,8 @@ typedef struct {
 #define HEX(type, name) MEMBER("hex_quality", NULL, type, hex_quality., name)
 #define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
 #define SMOOTHING(type, name) MEMBER("hex_quality", "smoothing", type, hex_quality.smoothing., name)
+#define BASE_BEFORE(type, name) MEMBER("base_complex", "before", type, base_complex.before., name)
+#define BASE_AFTER(type, name) MEMBER("base_complex", "after", type, base_complex.after., name)
 #define TSPLINE(type, name) MEMBER("tspline", NULL, type, tspline., name)
 #define COMPRESSION(type, name) MEMBER("compression", NULL, type, compression., name)
 #define WRITTEN(type, name) MEMBER("compression", "written", type, compression.written., name)
@@ -232,6 +234,12 @@ static const field fields[] = {
     QUALITY(COUNT, traced_vertices),
     QUALITY(COUNT, traced_tets),
     QUALITY(COUNT, traced_walls),
+    BASE_BEFORE(COUNT, hexes),
+    BASE_BEFORE(COUNT, blocks),
+    BASE_BEFORE(COUNT, irregular_edges),
+    BASE_AFTER(COUNT, hexes),
+    BASE_AFTER(COUNT, blocks),
+    BASE_AFTER(COUNT, irregular_edges),
     TSPLINE(TEXT, knots),
     TSPLINE(COUNT, blocks),
     TSPLINE(COUNT, cells),
@@ -255,6 +263,7 @@ static const struct {
     {"hex_quality", offsetof(bw_report, has_hex_quality)},
     {"compression", offsetof(bw_report, has_compression)},
     {"quality", offsetof(bw_report, has_quality)},
+    {"base_complex", offsetof(bw_report, has_base_complex)},
     {"tspline", offsetof(bw_report, has_tspline)},
 };
 
@@ -268,6 +277,8 @@ static const struct {
     {"rounding", offsetof(bw_report, has_rounding)},
     {"smoothing", offsetof(bw_report, has_smoothing)},
     {"written", offsetof(bw_report, has_written)},
+    {"before", offsetof(bw_report, has_base_before)},
+    {"after", offsetof(bw_report, has_base_after)},
 };
 
 enum { FIELDS = sizeof fields / sizeof *fields, SECTIONS = sizeof sections / sizeof *sections };

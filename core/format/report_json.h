@@ -64,6 +64,11 @@ typedef struct {
     bw_report_rounding rounding;
 } bw_report_quantization;
 
+/* The base complex of a hex mesh (hex/base_complex.h). */
+typedef struct {
+    uint64_t hexes, blocks, irregular_edges;
+} bw_report_base;
+
 /* One row of the table over sizes. */
 typedef struct {
     double scale, objective, bound, distortion;
@@ -80,6 +85,8 @@ typedef struct {
     bool has_reparametrize, has_extract;
     bool has_hex_quality;
     bool has_tspline;
+    bool has_base_complex;
+    bool has_base_before, has_base_after; /* base_complex.before, .after */
     bool has_smoothing; /* hex_quality.smoothing */
     bool has_compression, has_written; /* compression.written */
 
@@ -193,6 +200,10 @@ typedef struct {
         double volume;                /* of the model, in the input's space */
         uint64_t traced_vertices, traced_tets, traced_walls; /* of traced.hexex */
     } quality;
+
+    struct { /* base complexes of hex meshes (hex/base_complex.h), features left out */
+        bw_report_base before, after; /* of an input of hexahedra; of the hex mesh that was made */
+    } base_complex;
 
     struct { /* the T-mesh for solid T-splines (tspline/tmesh.h) */
         char knots[8]; /* unit of its knots: "hexes", or "map" */

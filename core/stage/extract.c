@@ -7,6 +7,7 @@
 #include "hex/extract.h"
 #include "hex/label.h"
 #include "hex/topology.h"
+#include "hex/base_complex.h"
 #include "hex/trivial.h"
 
 static double seconds_since(double *since) {
@@ -89,6 +90,15 @@ static bw_status make(bw_context *ctx, const bw_extract_input *in, int32_t subdi
     return status;
 }
 
+static bw_status find_base_complex(bw_context *ctx, const bw_hex_mesh *mesh, bw_report *report, bw_report_base *out, bool *has) {
+    bw_hex_base_complex found;
+    bw_status status = bw_hex_find_base_complex(ctx, mesh, &found, NULL);
+    if (status != BW_OK) return status;
+    *out = (bw_report_base){mesh->hex_count, found.blocks, found.irregular_edges};
+    report->has_base_complex = *has = true;
+    return BW_OK;
+}
+
 bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extract_options *options, bw_hex_mesh *hex, bw_report *report) {
     bw_status status;
     for (int32_t n = options->subdivide;; n++) {
@@ -108,7 +118,9 @@ bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extra
     report->extract.hexes = hex->hex_count, report->extract.vertices = hex->vertex_count;
     report->extract.subdivide = (uint64_t)hex->subdivide, report->extract.subdivide_asked = (uint64_t)options->subdivide;
     report->has_extract = true;
-    return BW_OK;
+    status = find_base_complex(ctx, hex, report, &report->base_complex.after, &report->has_base_after);
+    if (status != BW_OK) bw_hex_mesh_clear(ctx, hex);
+    return status;
 }
 
 bw_status bw_extract_labels(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_hex_mesh *source, bw_report *report) {
@@ -123,5 +135,5 @@ bw_status bw_extract_labels(bw_context *ctx, const bw_cells *cells, const bw_com
     report->extract.hexes = report->extract.promised = source->hex_count, report->extract.vertices = source->vertex_count;
     report->extract.subdivide = report->extract.subdivide_asked = 1;
     report->has_extract = true;
-    return BW_OK;
+    return find_base_complex(ctx, source, report, &report->base_complex.before, &report->has_base_before);
 }

@@ -28,10 +28,10 @@ enum { BW_SUBDIVIDE_SIMPLE = 3 };
  * quantization may be valid and yet close up within one or two hexes, as the coarsest of a ring: then two faces have the same vertices, which no file of a hex mesh
  * can tell apart, and the mesh is made with more hexes along a unit, BW_SUBDIVIDE_SIMPLE at most.
  *
- * Fills report->extract. Errors: BW_E_LIMIT with the number of hexes if there are more than max_hexes; BW_E_RANGE; BW_E_CHECK; BW_E_MEMORY, BW_E_CANCELLED. */
+ * Fills report->extract and report->base_complex.after. Errors: BW_E_LIMIT with the number of hexes if there are more than max_hexes; BW_E_RANGE; BW_E_CHECK; BW_E_MEMORY, BW_E_CANCELLED. */
 bw_status bw_extract(bw_context *ctx, const bw_extract_input *in, const bw_extract_options *options, bw_hex_mesh *hex, bw_report *report);
 
-/* Gives the hexes of an input of hexahedra their blocks and places in them, and what their vertices lie on (hex/trivial.h); proves it. Fills report->extract, which
+/* Gives the hexes of an input of hexahedra their blocks and places in them, and what their vertices lie on (hex/trivial.h); proves it. Fills report->base_complex.before, and report->extract, which
  * bw_extract overwrites. BW_E_CHECK, BW_E_MEMORY. */
 bw_status bw_extract_labels(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_hex_mesh *source, bw_report *report);
 
