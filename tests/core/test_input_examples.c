@@ -44,6 +44,34 @@ static void all_examples_are_the_same_mesh(void **state) {
     assert_int_equal(ctx.memory.used, 0);
 }
 
+/* Two hexes; where a format says the corners of a hex by its faces, which corner comes first is its own matter. */
+static void all_examples_of_hexes_are_the_same_mesh(void **state) {
+    (void)state;
+    static const char *const names[] = {"hexes.mesh", "hexes.vtk", "hexes.vtu", "hexes.msh", "hexes.ovm"};
+    static const bw_vertex corner[2][8] = {{0, 1, 3, 4, 6, 7, 9, 10}, {1, 2, 4, 5, 7, 8, 10, 11}}, quad[4] = {1, 4, 10, 7}, edge[2] = {0, 1};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[500];
+        bw_tet_mesh got;
+        bw_context_init(&ctx);
+        snprintf(path, sizeof path, FOLDER "%s", names[i]);
+        kit_expect_ok(&ctx, bw_input_read(&ctx, path, NULL, &got));
+        assert_int_equal(got.vertex_count, 12);
+        assert_int_equal(got.tet_count, 0);
+        assert_int_equal(got.hex_count, 2);
+        assert_memory_equal(got.hex, corner, sizeof corner);
+        for (int v = 0; v < 12; v++) assert_true(got.position[v][0] == v % 3 && got.position[v][1] == v / 3 % 2 && got.position[v][2] == v / 6);
+        assert_int_equal(got.feature_vertex_count, 1);
+        assert_int_equal(got.feature_edge_count, 1);
+        assert_int_equal(got.feature_quad_count, 1);
+        assert_int_equal(got.feature_vertex[0], 0);
+        assert_memory_equal(got.feature_edge, edge, sizeof edge);
+        for (int k = 0; k < 4; k++) /* in either sense */
+            assert_true(got.feature_quad[0][k] == quad[k] || got.feature_quad[0][k] == quad[(4 - k) % 4]);
+        bw_tet_mesh_clear(&ctx, &got);
+        assert_int_equal(ctx.memory.used, 0);
+    }
+}
+
 static void the_example_is_a_seamless_map(void **state) {
     (void)state;
     bw_tet_mesh mesh;
@@ -60,6 +88,7 @@ static void the_example_is_a_seamless_map(void **state) {
 
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(all_examples_are_the_same_mesh),
+    cmocka_unit_test(all_examples_of_hexes_are_the_same_mesh),
     cmocka_unit_test(the_example_is_a_seamless_map),
 };
 KIT_MAIN(tests)
