@@ -176,7 +176,7 @@ static bw_status evaluate_range(bw_context *ctx, size_t begin, size_t end, int r
         }
         slopes(t, g);
         u->value[i] = bw_distortion_expand((const double(*)[3])j, (const double(*)[3])g, u->epsilon, u->slope[i], hessian);
-        double *term = u->term + u->begin[i];
+        double *term = u->term ? u->term + u->begin[i] : NULL; /* NULL: nothing is free */
         for (int p = 0; p < 12; p++)
             for (int q = 0; q <= p && t->variable[p / 3][p % 3] >= 0; q++)
                 if (t->variable[q / 3][q % 3] >= 0) *term++ = t->sign[p / 3][p % 3] * t->sign[q / 3][q % 3] * hessian[p][q];
