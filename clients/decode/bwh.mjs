@@ -161,7 +161,7 @@ function readFront(bytes, maxBytes) {
   const partCount = view.getUint32(12, true), vertexCount = Number(view.getBigUint64(16, true)), hexCount = Number(view.getBigUint64(24, true));
   if (vertexCount > INT32_MAX || hexCount > INT32_MAX || partCount > hexCount) throw damaged();
   if (vertexCount > placesSize * VERTICES_MOST || partCount > shapeSize * PARTS_MOST) throw damaged();
-  if (vertexCount * 25 + hexCount * 48 > maxBytes) throw new BwhError('limit', 'the mesh would take more memory than allowed');
+  if (vertexCount * 25 + hexCount * 48 + partCount * 32 > maxBytes) throw new BwhError('limit', 'the mesh would take more memory than allowed');
   const at = front + shapeSize;
   return {
     vertexCount, hexCount, partCount, subdivide: view.getUint32(32, true), kind, parameter, lattice,

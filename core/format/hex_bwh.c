@@ -219,11 +219,11 @@ static void put_new(encoder *e, const point *p, int ends) {
         near.axes |= p->x[k] ? 1u << k : 0;
         most[k] = p->x[k] > 1 && !all ? 2 : p->x[k] > 0;
     }
-    for (uint32_t i = 0; i < 27; i++) {
-        const uint32_t d[3] = {i % 3, i / 3 % 3, i / 9};
-        bool there = i && d[0] <= most[0] && d[1] <= most[1] && d[2] <= most[2];
-        near.at[i] = there ? e->number[*(p->at - d[0] * p->step[0] - d[1] * p->step[1] - d[2] * p->step[2])] : -1;
-    }
+    memset(near.at, 0xff, sizeof near.at);
+    for (uint32_t z = 0; z <= most[2]; z++)
+        for (uint32_t y = 0; y <= most[1]; y++)
+            for (uint32_t x = 0; x <= most[0]; x++)
+                if (x || y || z) near.at[x + 3 * y + 9 * z] = e->number[*(p->at - x * p->step[0] - y * p->step[1] - z * p->step[2])];
     put_vertex(e, *p->at, &near, ends);
 }
 

@@ -1,4 +1,4 @@
-/* Seconds, peak bytes and file sizes of hex meshes in every format, and of decoding the compact form.
+/* Seconds, peak bytes and file sizes of hex meshes in every format; of the compact form with and without loss, decoded in C and JavaScript.
  *
  *     bench_hexout [EDGE [FOLDER]]        a cube of EDGE^3 hexes (default 100) in 1 block and in 64; files stay in FOLDER if it is given
  */
@@ -10,7 +10,8 @@
 #include <unistd.h>
 
 #include "bwh.h"
-#include "format/hex_write.h"
+#include "format/hex_bwh.h"
+#include "hex/predict.h"
 #include "machine.h"
 
 static void need(bw_context *ctx, bool good) {
@@ -47,22 +48,55 @@ static void make(bw_context *ctx, int n, int cuts, double noise, bw_hex_mesh *me
     }
 }
 
-static void decode(const char *path, double vertices, double bytes) {
+/* Seconds of the decoder in JavaScript, of a file that is there; nothing without node. */
+static void decode_in_javascript(const char *path) {
+    char command[8192];
+    snprintf(command, sizeof command,
+             "node --input-type=module -e \"import {decode} from '%s/clients/decode/bwh.mjs'; import {readFileSync} from 'node:fs'; const b = new Uint8Array(readFileSync('%s')); "
+             "let t = 1e9; for (let i = 0; i < 3; i++) { const s = performance.now(); await decode(b); t = Math.min(t, performance.now() - s); } "
+             "console.log('    decoded in JavaScript: ' + (t / 1000).toFixed(3) + ' s');\" 2>/dev/null",
+             BW_SOURCE_DIR, path);
+    fflush(stdout);
+    if (system(command)) printf("    node is not installed\n");
+}
+
+static void decode(const char *path, size_t bytes, double mesh_bytes) {
     FILE *in = fopen(path, "rb");
-    char *data = in ? malloc((size_t)bytes) : NULL;
-    if (!data || fread(data, 1, (size_t)bytes, in) != (size_t)bytes) exit(1);
+    char *data = in ? malloc(bytes) : NULL;
+    if (!data || fread(data, 1, bytes, in) != bytes) exit(1);
     fclose(in);
     double seconds[3];
     bwh_status status = BWH_OK;
     for (int i = 0; i < 3 && status == BWH_OK; i++) {
         bwh_mesh mesh;
         double since = bench_seconds();
-        status = bwh_decode(data, (size_t)bytes, 0, &mesh);
+        status = bwh_decode(data, bytes, 0, &mesh);
         seconds[i] = bench_seconds() - since;
         bwh_clear(&mesh);
     }
-    printf("  decoded in C: %.3f s (%s); %.1f bits per vertex\n", bench_summary(seconds, 3).best, bwh_text(status), 8 * bytes / vertices);
+    double best = bench_summary(seconds, 3).best;
+    printf("    decoded in C: %.3f s, %.0f MB of mesh per second (%s)\n", best, mesh_bytes / 1e6 / best, bwh_text(status));
     free(data);
+}
+
+/* The compact form with and without loss. A mesh has 24 bytes for each vertex and 32 for each hex. */
+static void compact(bw_context *ctx, const bw_hex_mesh *mesh, int bits, const char *folder) {
+    char path[4096];
+    bw_bwh_sizes sizes;
+    double seconds[3], v = (double)mesh->vertex_count, mesh_bytes = 24 * v + 32 * (double)mesh->hex_count;
+    snprintf(path, sizeof path, "%s/compact.bwh", folder);
+    for (int i = 0; i < 3; i++) {
+        double since = bench_seconds();
+        need(ctx, bw_bwh_write(ctx, mesh, bits, path, &sizes) == BW_OK);
+        seconds[i] = bench_seconds() - since;
+    }
+    size_t bytes = (size_t)(sizes.header + sizes.shape + sizes.places);
+    double best = bench_summary(seconds, 3).best;
+    printf("  bwh, %2d bits: %.2f bits per vertex, %.2f of them coordinates; written in %.2f s, %.0f MB of mesh per second\n", bits, 8 * (double)bytes / v,
+           8 * (double)sizes.places / v, best, mesh_bytes / 1e6 / best);
+    decode(path, bytes, mesh_bytes);
+    decode_in_javascript(path);
+    unlink(path);
 }
 
 static void run(int n, int cuts, double noise, const char *folder, bool keep) {
@@ -83,10 +117,16 @@ static void run(int n, int cuts, double noise, const char *folder, bool keep) {
         need(&ctx, bw_hex_formats[f].write(&ctx, &mesh, &skin, path, &bytes) == BW_OK);
         printf("  %-5s %8.1f MB %6.2f s   %7.1f MB peak\n", bw_hex_formats[f].name, (double)bytes / 1e6, bench_seconds() - since,
                (double)(ctx.memory.peak - before) / 1e6);
-        if (f == BW_HEX_FORMAT_BWH) decode(path, (double)mesh.vertex_count, (double)bytes);
         if (!keep) unlink(path);
     }
     bw_hex_skin_clear(&ctx, &skin);
+    compact(&ctx, &mesh, 0, folder);
+    compact(&ctx, &mesh, 12, folder);
+    bool known;
+    bw_predict_report predicted;
+    double e_g = bench_seconds();
+    need(&ctx, bw_predict_mesh(&ctx, &mesh, 12, &known, &predicted) == BW_OK);
+    if (known) printf("  E_g at 12 bits: %.2f pooled, %.2f by blocks; found in %.2f s\n", predicted.e_g_pooled, predicted.e_g_blocks, bench_seconds() - e_g);
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 

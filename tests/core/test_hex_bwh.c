@@ -188,6 +188,7 @@ static void a_lattice_is_missed_by_half_a_step_at_most(void **state) {
         free(write_sample(&ctx, &mesh, chosen[i], "again", &size, &sizes));
         assert_true(size > last);
         last = size;
+        bw_hex_mesh_clear(&ctx, &mesh);
         hex_kit_sample(&ctx, (int)i % HEX_KIT_COUNT, &mesh);
         free(write_sample(&ctx, &mesh, chosen[i], "again", &size, &sizes));
         for (int k = 0; k < 3; k++) /* the lattice is that of the box */
@@ -195,6 +196,7 @@ static void a_lattice_is_missed_by_half_a_step_at_most(void **state) {
         bw_hex_mesh_clear(&ctx, &mesh);
     }
     unlink(kit_temp_path("again.bwh"));
+    assert_int_equal(ctx.memory.used, 0);
 }
 
 /* All vertices in one plane, in one point, and the box of the largest numbers. */
@@ -282,18 +284,24 @@ static uint32_t crc_of(const unsigned char *p, size_t size) {
     return ~crc;
 }
 
+/* Puts size and checksums right, as fuzz_bwh.c does. */
+static void seal(unsigned char *p, uint64_t size) {
+    size_t front = size > 36 && p[36] == BW_BWH_LATTICE ? 112 : 64;
+    if (size < front) return;
+    memcpy(p + 40, &size, sizeof size);
+    memset(p + 60, 0, 4);
+    uint32_t crc = crc_of(p + front, (size_t)size - front);
+    memcpy(p + 56, &crc, sizeof crc);
+    crc = crc_of(p, front);
+    memcpy(p + 60, &crc, sizeof crc);
+}
+
 /* A lie with right checksums: at `at` (32 bits) stands `value`. */
 static bwh_status with_lie(const char *data, size_t size, size_t at, uint32_t value) {
     unsigned char *copy = malloc(size);
-    bw_bwh_header header;
     memcpy(copy, data, size);
     memcpy(copy + at, &value, 4);
-    memcpy(&header, copy, sizeof header);
-    size_t front = header.kind == BW_BWH_LATTICE ? 112 : 64;
-    header.crc = 0, header.body_crc = crc_of(copy + front, size - front);
-    memcpy(copy, &header, sizeof header);
-    header.crc = crc_of(copy, front);
-    memcpy(copy, &header, sizeof header);
+    seal(copy, size);
     bwh_mesh got;
     bwh_status status = bwh_decode(copy, size, 0, &got);
     bwh_clear(&got);
@@ -366,6 +374,38 @@ static void the_file_is_smaller_than_the_estimate(void **state) {
     bw_hex_mesh_clear(&ctx, &mesh);
 }
 
+/* ---- both decoders on what fuzz_bwh.c found ------------------------------------------------------------------------- */
+
+/* A line for each file: its name, the code, and checksums of positions and hexes. check_bwh.mjs expects the same of the other decoder. */
+static void the_corpus_is_judged(void **state) {
+    (void)state;
+    static const char *const code[] = {"ok", "not-bwh", "version", "truncated", "checksum", "damaged", "limit", "memory"};
+    const char *folder = BW_SOURCE_DIR "/tests/fuzz/corpus/bwh";
+    size_t count, times[8] = {0};
+    char **names = kit_names(folder, "", &count);
+    FILE *out = fopen(kit_temp_path("judged.txt"), "w");
+    for (size_t i = 0; i < count; i++) {
+        size_t size;
+        bwh_mesh mesh;
+        char path[512];
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        char *bytes = kit_read_file(path, &size);
+        unsigned char *data = malloc(size);
+        memcpy(data, bytes + 1, size - 1);
+        if (bytes[0] & 1) seal(data, size - 1);
+        bwh_status status = bwh_decode(data, size - 1, 1 << 24, &mesh);
+        times[status]++;
+        fprintf(out, "%s %s %08x %08x\n", names[i], code[status], crc_of((const unsigned char *)mesh.position, mesh.vertex_count * sizeof *mesh.position),
+                crc_of((const unsigned char *)mesh.hex, mesh.hex_count * sizeof *mesh.hex));
+        bwh_clear(&mesh);
+        free(bytes), free(data);
+    }
+    assert_int_equal(fclose(out), 0);
+    printf("%zu files: %zu good, %zu damaged\n", count, times[BWH_OK], times[BWH_DAMAGED]);
+    assert_true(times[BWH_OK] > 10 && times[BWH_DAMAGED] > 10);
+    kit_names_free(names, count);
+}
+
 /* ---- JavaScript ---------------------------------------------------------------------------------------------------- */
 
 static void the_decoder_in_javascript_gives_the_same(void **state) {
@@ -391,6 +431,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(a_damaged_file_is_told_by_its_code),
     cmocka_unit_test(a_lie_with_right_checksums_is_found),
     cmocka_unit_test(the_file_is_smaller_than_the_estimate),
+    cmocka_unit_test(the_corpus_is_judged),
     cmocka_unit_test(the_decoder_in_javascript_gives_the_same),
 };
 KIT_MAIN(tests)

@@ -1,6 +1,7 @@
 /* The cost E_g of X 4.1 and cubes (hex/predict.h), against figures found by hand. */
 #include "core/hex_kit.h"
 
+#include "format/hex_bwh.h"
 #include "hex/predict.h"
 
 /* A box of 3 x 1 x 1 hexes whose vertices are points of the lattice of 2 bits: x = 0, 1, 2, 3, the others 0 and 3. */
@@ -170,8 +171,30 @@ static void a_mesh_is_the_sum_of_its_blocks(void **state) {
     assert_int_equal(ctx.memory.used, 0);
 }
 
+static bw_status predict_again(bw_context *ctx, void *user) {
+    bool known;
+    bw_predict_report report;
+    return bw_predict_mesh(ctx, user, BW_PREDICT_BITS, &known, &report);
+}
+
+static bw_status write_again(bw_context *ctx, void *user) {
+    return bw_bwh_write(ctx, user, 12, kit_temp_path("memory.bwh"), NULL);
+}
+
+static void nothing_leaks_where_memory_runs_out(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    bw_hex_mesh mesh;
+    hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
+    kit_fail_each_allocation(predict_again, &mesh);
+    kit_fail_each_allocation(write_again, &mesh);
+    bw_hex_mesh_clear(&ctx, &mesh);
+}
+
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(what_is_trilinear_costs_nothing), cmocka_unit_test(errors_cost_their_entropies),       cmocka_unit_test(what_is_foreseen_is_rounded_last),
     cmocka_unit_test(tallies_forget_what_is_taken_away), cmocka_unit_test(cubes_have_the_ratio_1), cmocka_unit_test(a_mesh_is_the_sum_of_its_blocks),
+    cmocka_unit_test(nothing_leaks_where_memory_runs_out),
 };
 KIT_MAIN(tests)
