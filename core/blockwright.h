@@ -1,4 +1,4 @@
-/* Blockwright's core: from a tet mesh with a seamless parametrization to a complex of cuboid blocks.
+/* Blockwright's core: from a tet mesh with a seamless parametrization, or a hexahedral mesh, to a complex of cuboid blocks.
  *
  * The only header that programs outside core include. A job is a row of stages; each reads the state that the one
  * before it left and either grows or changes it (sanitize, trace, build, reduce, quantize, extract) or writes results (encode):

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 static const char help[] =
-    "blockwrightd - decomposes parametrized tet meshes into blocks, over HTTP\n"
+    "blockwrightd - decomposes parametrized tet meshes and hexahedral meshes into blocks, over HTTP\n"
     "\n"
     "  blockwrightd --data DIR [options]\n"
     "\n"

@@ -1,4 +1,4 @@
-/* Reads a job's input, whatever its format. The format is found by what the file begins with, never by its
+/* Reads a job's input, tets or hexes, whatever its format. The format is found by what the file begins with, never by its
  * name:
  *
  *     .hexex         a number                               format/hexex.h

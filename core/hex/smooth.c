@@ -70,7 +70,7 @@ static bw_status descend(bw_context *ctx, smoothing *w, int iterations, double *
     size_t n;
     *gain = 0;
     copy_moving(w, w->before, w->s.mesh->position);
-    if (bw_smoother_frame(ctx, &w->s, &n) || bw_reserve(ctx, &w->x, &w->room, n)) return ctx->error.status;
+    if (bw_smoother_frame(ctx, &w->s, &n) || bw_reserve(ctx, &w->x, &w->room, n + 1)) return ctx->error.status;
     memset(w->x, 0, n * sizeof *w->x);
     if (bw_lbfgs(ctx, n, w->x, bw_smoother_energy, &w->s, &options, &found)) return ctx->error.status;
     if (bw_smoother_place(ctx, &w->s, w->x) || bw_smoother_frame(ctx, &w->s, &n)) return ctx->error.status;

@@ -130,6 +130,28 @@ static void a_hex_mesh_comes_home_as_a_local_run_makes_it(void **state) {
 #undef HEXES
 }
 
+/* A mesh of hexes is a job like any other; what is of the other kind than asked for fails. */
+static void a_mesh_of_hexes_is_decomposed(void **state) {
+    (void)state;
+    static const char *const files[] = {"labels.txt", "walls.txt", "blocks.json", "hexmesh.msh", "traced.hexex", NULL};
+    const char *input = BW_SOURCE_DIR "/api/examples/formats/hexes.vtu", *local = kit_temp_path("local-boxes");
+#define BOXES "--kind", "hex", "--complex", "bc", "--hex-formats", "msh"
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", input, BOXES, "--out", local, NULL});
+    if (r.exit != 0) fail_msg("local run: exit %d\n%s", r.exit, r.err);
+    assert_non_null(strstr(r.out, "2 hexes, 12 tets made of them, 0 singular edges inside, 16 on the boundary"));
+    kit_result_clear(&r);
+    for (client c = 0; c < CLIENTS; c++) {
+        const char *out = kit_temp_path("%s-boxes", client_name[c]);
+        r = call_well(c, (const char *[]){"submit", input, BOXES, "--out", out, "--quiet", NULL});
+        kit_result_clear(&r);
+        expect_same(files, local, out);
+        r = call(c, (const char *[]){"submit", part, "--kind", "hex", "--wait", "--quiet", NULL});
+        if (r.exit != 3 || !strstr(r.err, "[other-kind]")) fail_msg("exit %d\n%s", r.exit, r.err);
+        kit_result_clear(&r);
+    }
+#undef BOXES
+}
+
 /* A map with inverted tets fails with their places, and is repaired if that is asked for: the report says where. */
 static void a_folded_map_is_refused_by_place_or_repaired(void **state) {
     (void)state;
@@ -281,6 +303,7 @@ int main(void) {
         cmocka_unit_test(the_number_of_threads_changes_nothing),
         cmocka_unit_test(options_reach_the_job),
         cmocka_unit_test(a_hex_mesh_comes_home_as_a_local_run_makes_it),
+        cmocka_unit_test(a_mesh_of_hexes_is_decomposed),
         cmocka_unit_test(a_folded_map_is_refused_by_place_or_repaired),
         cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
         cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),

@@ -72,6 +72,27 @@ static void all_examples_of_hexes_are_the_same_mesh(void **state) {
     }
 }
 
+/* Binary forms, voxels, an older version: the seeds of fuzzing. */
+static void hexes_are_read_in_other_forms_too(void **state) {
+    (void)state;
+    static const char *const names[] = {"medit/hexes_binary_2", "medit/hexes_binary_3_swapped", "medit/hexes_binary_4", "vtk/hexes_voxel", "msh/hexes_2"};
+    static const bw_vertex corner[2][8] = {{0, 1, 3, 4, 6, 7, 9, 10}, {1, 2, 4, 5, 7, 8, 10, 11}}, quad[4] = {1, 4, 10, 7};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[500];
+        bw_tet_mesh got;
+        bw_context_init(&ctx);
+        snprintf(path, sizeof path, BW_SOURCE_DIR "/tests/fuzz/corpus/%s", names[i]);
+        kit_expect_ok(&ctx, bw_input_read(&ctx, path, NULL, &got));
+        assert_int_equal(got.vertex_count, 12);
+        assert_int_equal(got.hex_count, 2);
+        assert_memory_equal(got.hex, corner, sizeof corner);
+        assert_int_equal(got.feature_quad_count, 1);
+        assert_memory_equal(got.feature_quad, quad, sizeof quad);
+        bw_tet_mesh_clear(&ctx, &got);
+        assert_int_equal(ctx.memory.used, 0);
+    }
+}
+
 static void the_example_is_a_seamless_map(void **state) {
     (void)state;
     bw_tet_mesh mesh;
@@ -89,6 +110,7 @@ static void the_example_is_a_seamless_map(void **state) {
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(all_examples_are_the_same_mesh),
     cmocka_unit_test(all_examples_of_hexes_are_the_same_mesh),
+    cmocka_unit_test(hexes_are_read_in_other_forms_too),
     cmocka_unit_test(the_example_is_a_seamless_map),
 };
 KIT_MAIN(tests)

@@ -185,6 +185,39 @@ static void medit(void **state) {
     REFUSE_ALL("cube.mesh", list);
 }
 
+/* What only meshes of hexes can have wrong. */
+static void hexes(void **state) {
+    (void)state;
+    static const damage mesh[] = {
+        {"2 3 6 5", "2 3 6 55", BW_E_INDEX, "hex", 1, "index 55 is outside 1..12"},
+        {"Hexahedra\n2", "Hexahedra\n2000", BW_E_COUNT, NULL, 0, "2000 hexes cannot be"},
+        {"Hexahedra\n2", "Hexahedra\n0\nTetrahedra\n0\nPass 2", BW_E_EMPTY, NULL, 0, "no tets and no hexes"},
+        {"Corners", "Triangles 1 1 2 3 0 RequiredTriangles 1 1 Corners", BW_E_INDEX, NULL, 0, "no faces of hexes"},
+        {"RequiredQuadrilaterals\n1\n1", "RequiredQuadrilaterals\n1\n2", BW_E_INDEX, NULL, 0, "number 2 in RequiredQuadrilaterals is outside 1..1"},
+    };
+    static const damage vtk[] = {
+        {"12\n1\n3\n12", "12\n1\n3\n10", BW_E_SYNTAX, "cell", 3, "a cell of type 10 has 4 corners, not 8"},
+        {"8 1 2 5 4 7 8 11 10\n", "8 1 2 5 4 7 8 11 12\n", BW_E_INDEX, "cell", 3, "index 12 is outside 0..11"},
+    };
+    static const damage msh[] = {
+        {"90 120 110", "90 120 111", BW_E_INDEX, "element", 5, "there is no node 111"},
+        {"3 1 5 2", "3 1 6 2", BW_E_SYNTAX, NULL, 0, "elements of type 6"},
+        {"102 ", "101 ", BW_E_SYNTAX, NULL, 0, "two cells have the tag 101"},
+    };
+    static const damage ovm[] = {
+        {"6 0 2 4 6 8 10", "6 0 2 4 6 10 10", BW_E_SYNTAX, "hex", 0, "belongs to another cell already"},
+        {"6 0 2 4 6 8 10", "6 0 2 4 6 8 13", BW_E_SYNTAX, "hex", 0, "not the sides of a hex"},
+        {"6 0 2 4 6 8 10", "4 0 2 4 6", BW_E_SYNTAX, "tet", 0, "not the sides of a tet"},
+    };
+    REFUSE_ALL("hexes.mesh", mesh);
+    REFUSE_ALL("hexes.vtk", vtk);
+    REFUSE_ALL("hexes.msh", msh);
+    REFUSE_ALL("hexes.ovm", ovm);
+    char *text = kit_read_file(FOLDER "hexes.mesh", NULL);
+    refuses(text, strlen(text), "parameters 2", &(damage){"", "", BW_E_PARAMETERS, NULL, 0, "a mesh of hexes has no parameters"});
+    free(text);
+}
+
 static void side_files(void **state) {
     (void)state;
     static const damage list[] = {
@@ -357,6 +390,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(vtu),
     cmocka_unit_test(gmsh),
     cmocka_unit_test(medit),
+    cmocka_unit_test(hexes),
     cmocka_unit_test(side_files),
     cmocka_unit_test(openvolumemesh),
     cmocka_unit_test(what_is_no_format),
