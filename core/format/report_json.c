@@ -34,6 +34,7 @@ typedef struct {
 #define HEX_MESH(type, name) MEMBER("hex_quality", NULL, type, hex_quality.mesh., name)
 #define SMOOTHING(type, name) MEMBER("hex_quality", "smoothing", type, hex_quality.smoothing., name)
 #define BASE_BEFORE(type, name) MEMBER("base_complex", "before", type, base_complex.before., name)
+#define BASE_PLANNED(type, name) MEMBER("base_complex", "planned", type, base_complex.planned., name)
 #define BASE_AFTER(type, name) MEMBER("base_complex", "after", type, base_complex.after., name)
 #define TSPLINE(type, name) MEMBER("tspline", NULL, type, tspline., name)
 #define COMPRESSION(type, name) MEMBER("compression", NULL, type, compression., name)
@@ -237,6 +238,9 @@ static const field fields[] = {
     BASE_BEFORE(COUNT, hexes),
     BASE_BEFORE(COUNT, blocks),
     BASE_BEFORE(COUNT, irregular_edges),
+    BASE_PLANNED(COUNT, hexes),
+    BASE_PLANNED(COUNT, blocks),
+    BASE_PLANNED(COUNT, irregular_edges),
     BASE_AFTER(COUNT, hexes),
     BASE_AFTER(COUNT, blocks),
     BASE_AFTER(COUNT, irregular_edges),
@@ -278,6 +282,7 @@ static const struct {
     {"smoothing", offsetof(bw_report, has_smoothing)},
     {"written", offsetof(bw_report, has_written)},
     {"before", offsetof(bw_report, has_base_before)},
+    {"planned", offsetof(bw_report, has_base_planned)},
     {"after", offsetof(bw_report, has_base_after)},
 };
 

@@ -86,7 +86,7 @@ typedef struct {
     bool has_hex_quality;
     bool has_tspline;
     bool has_base_complex;
-    bool has_base_before, has_base_after; /* base_complex.before, .after */
+    bool has_base_before, has_base_planned, has_base_after; /* base_complex.before, .planned, .after */
     bool has_smoothing; /* hex_quality.smoothing */
     bool has_compression, has_written; /* compression.written */
 
@@ -202,7 +202,7 @@ typedef struct {
     } quality;
 
     struct { /* base complexes of hex meshes (hex/base_complex.h), features left out */
-        bw_report_base before, after; /* of an input of hexahedra; of the hex mesh that was made */
+        bw_report_base before, planned, after; /* of an input of hexahedra; of the mesh that the quantization promises, uncut; of the one that was made */
     } base_complex;
 
     struct { /* the T-mesh for solid T-splines (tspline/tmesh.h) */

@@ -7,6 +7,7 @@
 #define BW_HEX_BASE_COMPLEX_H
 
 #include "hex/incidence.h"
+#include "hex/plan.h"
 
 typedef struct {
     uint64_t blocks;
@@ -16,5 +17,8 @@ typedef struct {
 
 /* Requires a mesh that bw_hex_mesh_check accepts. block: [hex] its block, numbered by first hex; NULL: not wanted. O(hexes). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
 bw_status bw_hex_find_base_complex(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_base_complex *found, bw_block *block);
+
+/* The same of the mesh that a quantization promises, which need not be made. Also BW_E_CHECK if the plan has a gap. O(hexes * squares of a side). */
+bw_status bw_hex_plan_base_complex(bw_context *ctx, const bw_hex_plan *plan, bw_hex_base_complex *found);
 
 #endif

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "hex/base_complex.h"
 #include "quantize/quantizer.h"
 #include "quantize/rounding.h"
 #include "quantize/validity.h"
@@ -154,6 +155,22 @@ static bw_status compare_rounding(bw_context *ctx, const bw_quantizer *q, bw_val
     return status;
 }
 
+/* The base complex of the hex mesh that the lengths promise, whether it will be made or not. Its blocks do not depend on how finely hexes are cut; of very fine meshes it is left out. */
+static bw_status plan_base_complex(job *j, bw_report *report) {
+    enum { MOST = 1 << 18 };
+    bw_hex_base_complex found;
+    bw_hex_plan plan = {0};
+    report->has_base_planned = false;
+    if (report->quantization.hexes > MOST) return BW_OK;
+    bw_status status = bw_hex_plan_init(j->ctx, j->cells, j->complex, j->length, 1, &plan);
+    if (status == BW_OK) status = bw_hex_plan_base_complex(j->ctx, &plan, &found);
+    bw_hex_plan_clear(j->ctx, &plan);
+    if (status != BW_OK) return status;
+    report->base_complex.planned = (bw_report_base){report->quantization.hexes, found.blocks, found.irregular_edges};
+    report->has_base_complex = report->has_base_planned = true;
+    return BW_OK;
+}
+
 bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_quantize_options *options,
                       int64_t **length, bw_report *report) {
     double since = bw_seconds_now();
@@ -176,6 +193,7 @@ bw_status bw_quantize(bw_context *ctx, const bw_cells *cells, const bw_complex *
     if (status == BW_OK) status = sweep(&j, report);
     if (status == BW_OK) status = find_lengths(&j, out);
     if (status == BW_OK && options->rounding) status = compare_rounding(ctx, &j.q, validity, out->scale, report);
+    if (status == BW_OK) status = plan_base_complex(&j, report);
     out->seconds_check = j.seconds_check;
     report->has_quantization = status == BW_OK;
     if (status == BW_OK) *length = j.length;

@@ -24,7 +24,7 @@ typedef struct {
     bw_quantize_verifier *verifier; /* NULL: bw_verify. Tests put one here that refuses */
 } bw_quantize_options;
 
-/* Finds the quantization: (*length)[arc], owned by the caller (bw_free), NULL on failure, and fills report->quantization. The same input gives the same lengths, unless
+/* Finds the quantization: (*length)[arc], owned by the caller (bw_free), NULL on failure, and fills report->quantization and report->base_complex.planned. The same input gives the same lengths, unless
  * the time limit cuts the search (status gap or heuristic).
  *
  * Every result, those of the table of sizes too, is verified by contraction (quantize/verify.h), which knows nothing of the constraints that it was found with.

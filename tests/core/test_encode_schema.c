@@ -178,8 +178,8 @@ static void blocks_and_reports_of_samples_keep_to_the_schemas(void **state) {
         e.report.sanitize.repaired.regions = e.report.sanitize.repaired.tets = 1;
         e.report.sanitize.repaired.places[0] = (bw_region){.tet_count = 1, .high = {1, 1, 1}};
         fill_hexes(&e.ctx, &e.report, i % 2);
-        e.report.has_base_complex = e.report.has_base_after = true, e.report.has_base_before = i % 2;
-        e.report.base_complex.before = e.report.base_complex.after = (bw_report_base){8, 1, 12};
+        e.report.has_base_complex = e.report.has_base_after = true, e.report.has_base_before = i % 2, e.report.has_base_planned = i > 1;
+        e.report.base_complex.before = e.report.base_complex.planned = e.report.base_complex.after = (bw_report_base){8, 1, 12};
         bw_report_add_stage(&e.report, "encode", 0.25, 4096);
         kit_expect_ok(&e.ctx, bw_report_write(&e.ctx, &e.report,
                                               kit_temp_path("%s/report.json", strrchr(e.folder, '/') + 1)));

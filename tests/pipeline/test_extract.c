@@ -54,6 +54,9 @@ static void the_mesh_has_as_many_hexes_as_were_promised(void **state) {
         long long n = count(report, "extract", "subdivide");
         assert_int_equal(count(report, "extract", "hexes"), count(report, "extract", "promised"));
         assert_int_equal(count(report, "extract", "hexes"), n * n * n * count(report, "quantization", "hexes"));
+        json_t *base = json_object_get(report, "base_complex");
+        assert_int_equal(count(base, "planned", "hexes"), count(report, "quantization", "hexes"));
+        assert_int_equal(count(base, "planned", "blocks"), count(base, "after", "blocks"));
         json_decref(report);
     }
 }
