@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "exact/det.h"
+
 typedef __int128 i128;
 typedef unsigned __int128 u128;
 
@@ -110,11 +112,6 @@ void bw_points_exact(const bw_points *points, bw_point point, bw_tet tet, mpq_t 
     }
 }
 
-static double det3(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
-           a[2] * (b[0] * c[1] - b[1] * c[0]);
-}
-
 /* Barycentric coordinates in the parametrization, by Cramer's rule, carried over to space. */
 static void grid_point_position(const bw_cells *cells, const bw_added_point *a, double out[3]) {
     const int64_t(*value)[3] = (const int64_t(*)[3])cells->map->value[a->tet];
@@ -126,9 +123,9 @@ static void grid_point_position(const bw_cells *cells, const bw_added_point *a, 
         for (int i = 0; i < 3; i++) e[i][k] = (double)(value[i + 1][k] - value[0][k]);
         out[k] = x[corner[0]][k];
     }
-    double whole = det3(e[0], e[1], e[2]);
-    double weight[3] = {det3(p, e[1], e[2]) / whole, det3(e[0], p, e[2]) / whole,
-                        det3(e[0], e[1], p) / whole};
+    double whole = bw_det3_rounded(e[0], e[1], e[2]);
+    double weight[3] = {bw_det3_rounded(p, e[1], e[2]) / whole, bw_det3_rounded(e[0], p, e[2]) / whole,
+                        bw_det3_rounded(e[0], e[1], p) / whole};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) out[k] += weight[i] * (x[corner[i + 1]][k] - x[corner[0]][k]);
 }
@@ -412,7 +409,7 @@ static double differences(const bw_chart *chart, const int32_t *slot, int count,
 double bw_chart_volume(const bw_chart *chart, const int32_t slot[4]) {
     double e[3][3];
     differences(chart, slot, 4, e);
-    return -det3(e[0], e[1], e[2]); /* relative to the last corner the order is reversed */
+    return -bw_det3_rounded(e[0], e[1], e[2]); /* relative to the last corner the order is reversed */
 }
 
 /* With D the largest entry (made larger by 2^-47 size, which covers all errors of it) an entry is off by less
@@ -420,7 +417,7 @@ double bw_chart_volume(const bw_chart *chart, const int32_t slot[4]) {
  * on top, D being at most twice the size: less than 2^-43 D^2 size together. */
 int bw_chart_sign_filtered(const bw_chart *chart, const int32_t slot[4]) {
     double e[3][3], largest = differences(chart, slot, 4, e) + 0x1p-47 * chart->size;
-    double volume = -det3(e[0], e[1], e[2]), bound = 0x1p-43 * largest * largest * chart->size;
+    double volume = -bw_det3_rounded(e[0], e[1], e[2]), bound = 0x1p-43 * largest * largest * chart->size;
     return volume > bound ? 1 : volume < -bound ? -1 : 2;
 }
 

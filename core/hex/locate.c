@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "exact/det.h"
+
 /* What holds a point in the interior of a simplex. */
 static bw_hold hold_of(const bw_locator *l, bw_carrier kind, int32_t simplex) {
     const bw_carriers *c = &l->carriers;
@@ -56,10 +58,6 @@ static bw_status list_tets(bw_context *ctx, bw_locator *l) {
     return status;
 }
 
-static double det3(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-}
-
 /* Weights that are not quite a point of a simplex become the nearest that are. */
 static void repair_weights(double *w, int n) {
     double sum = 0;
@@ -73,7 +71,7 @@ static double weights_in_tet(const bw_locator *l, const bw_block_tet *t, const d
     corners_of(l, t, c);
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 3; k++) c[i][k] -= p[k];
-    w[0] = det3(c[1], c[2], c[3]), w[1] = -det3(c[0], c[2], c[3]), w[2] = det3(c[0], c[1], c[3]), w[3] = -det3(c[0], c[1], c[2]);
+    w[0] = bw_det3_rounded(c[1], c[2], c[3]), w[1] = -bw_det3_rounded(c[0], c[2], c[3]), w[2] = bw_det3_rounded(c[0], c[1], c[3]), w[3] = -bw_det3_rounded(c[0], c[1], c[2]);
     for (int i = 0; i < 4; i++) sum += w[i];
     for (int i = 0; i < 4; i++) least = fmin(least, w[i] /= sum);
     return least;

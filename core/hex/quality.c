@@ -3,11 +3,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "exact/det.h"
 #include "hex/skin.h"
 
-static double determinant(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-}
 static double length_of(const double a[3]) { return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
 
 double bw_hex_corner_jacobian(const double corner[8][3], int c) {
@@ -16,7 +14,7 @@ double bw_hex_corner_jacobian(const double corner[8][3], int c) {
         for (int i = 0; i < 3; i++) e[k][i] = corner[c ^ 1 << k][i] - corner[c][i];
         lengths *= length_of(e[k]);
     }
-    double d = determinant(e[0], e[1], e[2]);
+    double d = bw_det3_rounded(e[0], e[1], e[2]);
     int mirrored = (c ^ c >> 1 ^ c >> 2) & 1; /* edges lead backwards along an odd number of axes */
     return lengths > 0 ? (mirrored ? -d : d) / lengths : 0;
 }
@@ -44,7 +42,7 @@ static double volume_of(const double corner[8][3]) {
                     if (i != k) w *= c >> i & 1 ? at[i] : 1 - at[i];
                 for (int i = 0; i < 3; i++) j[k][i] += w * corner[c][i];
             }
-        sum += determinant(j[0], j[1], j[2]) / 8;
+        sum += bw_det3_rounded(j[0], j[1], j[2]) / 8;
     }
     return sum;
 }

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "exact/det.h"
 #include "igm/overlay_points.h"
 #include "igm/pieces.h"
 
@@ -179,10 +180,6 @@ static void map_corner(const overlay *o, const region *r, const bw_corner *c, in
     mpq_clears(sum, t, NULL);
 }
 
-static double det3(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-}
-
 /* Position of a point of a cell, by its weights in the cell's tet. */
 static void position_of(const overlay *o, bw_cell cell, const double at[3], double out[3]) {
     bw_tet tet = bw_cells_tet(o->cells, cell);
@@ -192,7 +189,7 @@ static void position_of(const overlay *o, bw_cell cell, const double at[3], doub
         bw_transition_apply(bw_complex_chart(o->x, cell), o->cells->map->value[tet][i], x);
         for (int k = 0; k < 3; k++) c[i][k] = 2 * (double)x[k] - at[k];
     }
-    w[0] = det3(c[1], c[2], c[3]), w[1] = -det3(c[0], c[2], c[3]), w[2] = det3(c[0], c[1], c[3]), w[3] = -det3(c[0], c[1], c[2]);
+    w[0] = bw_det3_rounded(c[1], c[2], c[3]), w[1] = -bw_det3_rounded(c[0], c[2], c[3]), w[2] = bw_det3_rounded(c[0], c[1], c[3]), w[3] = -bw_det3_rounded(c[0], c[1], c[2]);
     for (int i = 0; i < 4; i++) sum += w[i] = fmax(w[i], 0);
     for (int k = 0; k < 3; k++) {
         out[k] = 0;
@@ -364,7 +361,7 @@ static int32_t off_plane(const bw_piece *piece, size_t corners, const int32_t t[
     for (size_t i = 0; i < corners; i++) {
         for (int k = 0; k < 3; k++)
             e[0][k] = c[t[1]].at[k] - c[t[0]].at[k], e[1][k] = c[t[2]].at[k] - c[t[0]].at[k], e[2][k] = c[i].at[k] - c[t[0]].at[k];
-        double volume = fabs(det3(e[0], e[1], e[2]));
+        double volume = fabs(bw_det3_rounded(e[0], e[1], e[2]));
         if (volume > most) most = volume, best = (int32_t)i;
     }
     for (size_t i = 0; bw_corner_sign(&c[t[0]], &c[t[1]], &c[t[2]], &c[best]) == 0 && i < corners; i++) best = (int32_t)i;

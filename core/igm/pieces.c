@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/index.h"
+#include "exact/det.h"
 
 /* ---- planes -------------------------------------------------------------------------------------------------------- */
 
@@ -263,10 +264,6 @@ static void minor(mpq_t out, const mpq_t a[3], const mpq_t b[3], int i, int j, m
     mpq_sub(out, out, scratch);
 }
 
-static double det3(const double a[3], const double b[3], const double c[3]) {
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
-}
-
 int bw_corner_sign(const bw_corner *a, const bw_corner *b, const bw_corner *c, const bw_corner *d) {
     const bw_corner *p[4] = {a, b, c, d};
     double e[3][3], size = 0, span = 0;
@@ -274,7 +271,7 @@ int bw_corner_sign(const bw_corner *a, const bw_corner *b, const bw_corner *c, c
         for (int k = 0; k < 3; k++) size = fmax(size, fabs(p[i]->at[k]));
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) e[i][k] = p[i + 1]->at[k] - a->at[k], span = fmax(span, fabs(e[i][k]));
-    double sum = det3(e[0], e[1], e[2]);
+    double sum = bw_det3_rounded(e[0], e[1], e[2]);
     if (fabs(sum) > 0x1p-45 * (span + 0x1p-50 * size) * (span + 0x1p-50 * size) * size) return sum > 0 ? 1 : -1; /* entries are off by 2^-51 size */
     mpq_t x[3][3], m, t, total;
     mpq_inits(m, t, total, NULL);

@@ -10,6 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "exact/det.h"
+
 typedef __int128 i128;
 
 static int sign128(i128 x) { return (x > 0) - (x < 0); }
@@ -321,20 +323,15 @@ int bw_cells_compare_along(const bw_cells *cells, bw_cvertex a, bw_cvertex b, bw
     return (order > 0) - (order < 0);
 }
 
-static double det3(double m[3][3]) {
-    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-           m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
-}
-
 /* Weights of the other corners when `at` is written from corner 0 of a tet or, with the normal added as a third direction,
  * of a facet: Cramer's rule. */
 static void solve_weights(double direction[3][3], const double at[3], double weight[3]) {
-    double whole = det3(direction);
+    double whole = bw_det3_rounded(direction[0], direction[1], direction[2]);
     for (int i = 0; i < 3; i++) {
         double m[3][3];
         memcpy(m, direction, sizeof m);
         memcpy(m[i], at, sizeof m[i]);
-        weight[i] = det3(m) / whole;
+        weight[i] = bw_det3_rounded(m[0], m[1], m[2]) / whole;
     }
 }
 

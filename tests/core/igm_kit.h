@@ -20,6 +20,14 @@ static inline void igm_quantize(quantizable *q, bw_quantize_range range, double 
     bw_quantizer_close(&q->ctx, &z);
 }
 
+/* The sample part as traced, with positive lengths. */
+static inline void igm_open_part(quantizable *q) {
+    bw_model_options options;
+    bw_model_options_defaults(&options);
+    quantizable_open(q, "part", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
+    igm_quantize(q, BW_QUANTIZE_POSITIVE, 1);
+}
+
 /* Runs a test on every sample model, traced and reduced each way: with a chart of its own for every tet where nothing is reduced, with features where all is. */
 static inline void igm_each_sample(void (*test)(quantizable *q)) {
     size_t count;

@@ -48,10 +48,7 @@ static void charts_of_shared_models_agree(void **state) {
 static void damage_is_found(void **state) {
     (void)state;
     quantizable q;
-    bw_model_options options;
-    bw_model_options_defaults(&options);
-    quantizable_open(&q, "part", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
-    igm_quantize(&q, BW_QUANTIZE_POSITIVE, 1);
+    igm_open_part(&q);
     size_t inside = 0;
     while (q.complex.patch_block[inside][1] == BW_NONE) inside++;
     for (int damage = 0; damage < 4; damage++) {

@@ -63,10 +63,7 @@ static void shared_models_have_frames(void **state) {
 static void damage_is_found(void **state) {
     (void)state;
     quantizable q;
-    bw_model_options options;
-    bw_model_options_defaults(&options);
-    quantizable_open(&q, "part", &options, BW_COMPLEX_MC, BW_REDUCE_NONE);
-    igm_quantize(&q, BW_QUANTIZE_POSITIVE, 1);
+    igm_open_part(&q);
     bw_atlas atlas;
     kit_expect_ok(&q.ctx, bw_atlas_init(&q.ctx, &q.cells, &q.complex, q.length, &atlas));
     for (int damage = 0; damage < 3; damage++) {
