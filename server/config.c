@@ -37,6 +37,7 @@ static const char help[] =
     "  curl -T part.hexex http://127.0.0.1:8080/v1/blobs/$h\n"
     "  curl -H 'Content-Type: application/json' -d '{\"input\":\"'$h'\"}' http://127.0.0.1:8080/v1/jobs\n"
     "  curl http://127.0.0.1:8080/v1/jobs\n"
+    "Hex meshes of jobs, in a browser: http://127.0.0.1:8080/\n"
     "The whole interface: curl http://127.0.0.1:8080/openapi.json\n";
 
 static bool mistake(const char *format, const char *value) {
