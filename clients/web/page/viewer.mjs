@@ -10,7 +10,16 @@ function tell(state, text) {
   $('status').textContent = text;
 }
 
+// Nothing is shown any more, and what a worker still has to say of it is not listened to.
+function forget() {
+  mesh = skin = null, waiting = changed = false, run++;
+  if (!scene) return;
+  scene.setCorners(new Float32Array(0));
+  redraw();
+}
+
 function fail(text) {
+  forget();
   tell('failed', text);
   $('jobs').hidden = false;
 }
@@ -101,6 +110,7 @@ function show(answer) {
 }
 
 worker.onmessage = ({ data }) => {
+  if (data.run !== run) return; // of what is not wanted any more
   if (data.step) tell('working', `${data.step} \u2026`);
   if (data.failed) fail(data.failed);
   if (data.mesh) {
@@ -108,17 +118,18 @@ worker.onmessage = ({ data }) => {
     describe();
     ask();
   }
-  if (data.skin && data.run === run) show(data.skin);
+  if (data.skin) show(data.skin);
 };
 worker.onerror = event => fail(event.message || 'the page\u2019s worker could not be started');
 
 // ---- what to show
 
 function load(what) {
-  mesh = skin = null, fresh = true, waiting = changed = false, run++;
+  forget();
+  fresh = true;
   for (const id of ['by', 'at', 'below']) $(id).value = $(id).dataset.first;
   tell('working', 'Loading \u2026');
-  worker.postMessage({ load: what });
+  worker.postMessage({ load: what, run });
 }
 
 async function listJobs() {
@@ -138,7 +149,7 @@ function follow() {
   $('jobs').hidden = id !== '';
   if (/^[0-9a-f]{24}$/.test(id)) load({ url: new URL(`v1/jobs/${id}/results/hexmesh.bwh`, document.baseURI).href });
   else if (id) fail('The address names no job: #, then the job\u2019s id');
-  else tell('empty', 'Choose a job, or open a file');
+  else forget(), tell('empty', 'Choose a job, or open a file');
 }
 
 function still() {
@@ -194,7 +205,13 @@ function start() {
   $('colour').addEventListener('input', () => skin && (colourQuads(), redraw()));
   $('edges').addEventListener('input', () => (scene.edges = $('edges').checked, redraw()));
   $('still').addEventListener('click', still);
-  $('file').addEventListener('change', () => $('file').files[0] && ($('jobs').hidden = true, load({ file: $('file').files[0] })));
+  $('file').addEventListener('change', () => {
+    const [file] = $('file').files;
+    if (!file) return;
+    $('file').value = ''; // so that the same file can be chosen again
+    $('jobs').hidden = true;
+    load({ file });
+  });
   addEventListener('hashchange', follow);
   listJobs();
   follow();

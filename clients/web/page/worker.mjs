@@ -1,8 +1,10 @@
 // Everything that takes long, off the page's thread: fetching, decoding, neighbours, quality, skins.
 //
-//     to it    {load: {url} | {file}}          from it   {step}  then  {mesh: {...}}
+//     to it    {load: {url} | {file}, run}     from it   {step, run} ...  {mesh: {...}, run}
 //              {cut: {by, at, below}, run}               {skin: {...}, run}
-//                                              or        {failed: text}
+//                                              or        {failed: text, run}
+//
+// One after the other, in the order in which they come; `run` tells the page what is still wanted.
 import { decode } from './bwh.mjs';
 import { boxOf, chooseHexes, cornersOf, findMates, histogramOf, scaledJacobians, skinOf } from './skin.mjs';
 
@@ -17,14 +19,14 @@ async function fetchBytes(url) {
   return answer.arrayBuffer();
 }
 
-async function load({ url, file }) {
-  postMessage({ step: 'Fetching' });
+async function load({ url, file }, run) {
+  postMessage({ step: 'Fetching', run });
   const bytes = new Uint8Array(url ? await fetchBytes(url) : await file.arrayBuffer());
-  postMessage({ step: 'Decoding' });
+  postMessage({ step: 'Decoding', run });
   mesh = await decode(bytes, { maxBytes: MOST_BYTES });
-  postMessage({ step: 'Finding neighbours' });
+  postMessage({ step: 'Finding neighbours', run });
   mate = findMates(mesh);
-  postMessage({ step: 'Measuring' });
+  postMessage({ step: 'Measuring', run });
   quality = scaledJacobians(mesh);
   box = boxOf(mesh);
   const layers = [0, 0, 0];
@@ -32,7 +34,7 @@ async function load({ url, file }) {
   let least = 1, sum = 0, notPositive = 0;
   for (const q of quality) least = Math.min(least, q), sum += q, notPositive += q > 0 ? 0 : 1;
   const blocks = new Set(mesh.parts.map(part => part.block)).size;
-  postMessage({ mesh: { vertices: mesh.vertexCount, hexes: mesh.hexCount, blocks, layers, least, mean: sum / mesh.hexCount, notPositive, histogram: histogramOf(quality) } });
+  postMessage({ run, mesh: { vertices: mesh.vertexCount, hexes: mesh.hexCount, blocks, layers, least, mean: sum / mesh.hexCount, notPositive, histogram: histogramOf(quality) } });
 }
 
 function cutOpen(cut, run) {
@@ -43,11 +45,16 @@ function cutOpen(cut, run) {
   postMessage({ run, skin: { corners, quality: q, block, hexes, left: count - skin.length } }, [corners.buffer, q.buffer, block.buffer]);
 }
 
-onmessage = async ({ data }) => {
+async function answer({ load: what, cut, run }) {
   try {
-    if (data.load) await load(data.load);
-    if (data.cut) cutOpen(data.cut, data.run);
+    if (what) await load(what, run);
+    if (cut) cutOpen(cut, run);
   } catch (error) {
-    postMessage({ failed: error.message });
+    postMessage({ failed: error.message, run });
   }
+}
+
+let last = Promise.resolve();
+onmessage = ({ data }) => {
+  last = last.then(() => answer(data));
 };

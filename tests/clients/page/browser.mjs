@@ -48,10 +48,11 @@ export class Browser {
     return result.value;
   }
 
-  // Asks until the expression is true; how often the page answered that it is not yet. The test's own timeout ends what never comes.
+  // Asks until the expression is true; how often the page answered that it is not yet. What never comes is given up at last.
   async until(expression) {
     for (let answers = 0; ; answers++) {
       if (await this.evaluate(expression)) return answers;
+      if (answers === 5000) throw new Error(`never: ${expression}`);
       await new Promise(resolve => setTimeout(resolve, 20));
     }
   }

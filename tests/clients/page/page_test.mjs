@@ -76,6 +76,8 @@ const tests = {
     await browser.openFile('#file', damaged);
     await until(`${state} === 'failed'`);
     assert.match(await browser.evaluate(status), /damaged|shorter/);
+    const picture = await saved(); // nothing of the mesh before
+    assert.equal(picture.white, picture.size);
   },
   async 'a job that is not there is told'() {
     await browser.evaluate(`(location.hash = '#' + '0'.repeat(24), 0)`);
@@ -83,6 +85,15 @@ const tests = {
     browser.errors.length = 0; // the browser's own line about the 404
     await browser.evaluate(`(location.hash = '#nonsense', 0)`);
     await until(`${state} === 'failed' && /names no job/.test(${status})`);
+  },
+  async 'of two meshes asked for one after the other the second is shown'() {
+    await browser.openFile('#file', large);
+    await browser.evaluate(`(location.hash = '#${job}', 0)`);
+    await until(`${state} === 'ready'`);
+    assert.equal(await hexes(), 27);
+    await set('by', 'x'), await set('at', '0.5');
+    await until(`${status}.startsWith('18 of 27')`);
+    assert.equal(await faces(), 42);
   },
   async 'a million hexes are shown, and the page answers meanwhile'() {
     await browser.openFile('#file', large);
