@@ -1,7 +1,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/parallel.h"
 #include "hex/incidence.h"
+
+enum { LEAST = 4096 }; /* hexes or vertices per thread at least */
 
 void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh) {
     bw_free(ctx, mesh->position);
@@ -11,70 +14,6 @@ void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh) {
     bw_free(ctx, mesh->block);
     bw_free(ctx, mesh->ijk);
     memset(mesh, 0, sizeof *mesh);
-}
-
-/* ---- faces, grouped ---- */
-
-/* A face by its vertices, ascending. */
-typedef struct {
-    bw_hvertex key[4];
-    uint32_t face; /* 6 * hex + face */
-} face_key;
-
-/* Faces by their lowest vertex: those at v are face[begin[v]..begin[v + 1]), equal ones next to each other. */
-typedef struct {
-    uint32_t *begin;
-    face_key *face;
-} face_list;
-
-static face_key key_of(const bw_hex_mesh *mesh, size_t item) {
-    face_key f = {.face = (uint32_t)item};
-    for (int i = 0, j; i < 4; i++) {
-        bw_hvertex x = mesh->hex[item / 6][bw_hex_face_corner[item % 6][i]];
-        for (j = i; j > 0 && f.key[j - 1] > x; j--) f.key[j] = f.key[j - 1];
-        f.key[j] = x;
-    }
-    return f;
-}
-
-static int compare_faces(const void *a, const void *b) {
-    const face_key *x = a, *y = b;
-    for (int i = 0; i < 4; i++)
-        if (x->key[i] != y->key[i]) return x->key[i] < y->key[i] ? -1 : 1;
-    return x->face < y->face ? -1 : x->face > y->face;
-}
-
-static bool same_face(const face_key *a, const face_key *b) { return !memcmp(a->key, b->key, sizeof a->key); }
-
-/* Around most vertices there are a dozen faces at most. */
-static void sort_faces(face_key *face, size_t count) {
-    if (count > 32) {
-        qsort(face, count, sizeof *face, compare_faces);
-        return;
-    }
-    for (size_t i = 1; i < count; i++) {
-        face_key x = face[i];
-        size_t j = i;
-        for (; j > 0 && compare_faces(&face[j - 1], &x) > 0; j--) face[j] = face[j - 1];
-        face[j] = x;
-    }
-}
-
-static bw_status face_list_init(bw_context *ctx, face_list *l, const bw_hex_mesh *mesh) {
-    size_t n = 6 * mesh->hex_count;
-    *l = (face_list){0};
-    if (n > UINT32_MAX) return bw_fail(ctx, BW_E_LIMIT, "the hex mesh has more faces than can be numbered");
-    l->begin = bw_alloc(ctx, mesh->vertex_count + 2, sizeof *l->begin);
-    l->face = bw_alloc(ctx, n, sizeof *l->face);
-    if (!l->begin || !l->face) return ctx->error.status;
-    for (size_t i = 0; i < n; i++) l->begin[key_of(mesh, i).key[0] + 2]++;
-    for (size_t v = 2; v < mesh->vertex_count + 2; v++) l->begin[v] += l->begin[v - 1];
-    for (size_t i = 0; i < n; i++) {
-        face_key f = key_of(mesh, i);
-        l->face[l->begin[f.key[0] + 1]++] = f;
-    }
-    for (size_t v = 0; v < mesh->vertex_count; v++) sort_faces(l->face + l->begin[v], l->begin[v + 1] - l->begin[v]);
-    return BW_OK;
 }
 
 /* ---- invariant 1 ---- */
@@ -91,49 +30,43 @@ static bw_status fail_vertex(bw_context *ctx, const bw_hex_mesh *mesh, size_t ve
     return bw_fail(ctx, BW_E_CHECK, "vertex %zu of the hex mesh %s", vertex, what);
 }
 
+static bw_status check_corner_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const bw_hex_mesh *mesh = user;
+    (void)range;
+    for (size_t h = begin; h < end; h++) {
+        const bw_hvertex *v = mesh->hex[h];
+        bool repeats = false;
+        for (int i = 0; i < 8; i++) {
+            if (v[i] < 0 || (size_t)v[i] >= mesh->vertex_count) return bw_fail(ctx, BW_E_CHECK, "hex %zu has a corner that is no vertex", h);
+            for (int j = 0; j < i; j++) repeats |= v[i] == v[j];
+        }
+        if (repeats) return fail_hex(ctx, mesh, h, "repeats a vertex");
+    }
+    return BW_OK;
+}
+
 static bw_status check_corners(bw_context *ctx, const bw_hex_mesh *mesh) {
+    if (bw_parallel(ctx, mesh->hex_count, bw_parallel_ranges(ctx, mesh->hex_count, LEAST), check_corner_range, (void *)mesh)) return ctx->error.status;
     uint8_t *used = bw_alloc(ctx, mesh->vertex_count, 1);
     bw_status status = ctx->error.status;
-    for (size_t h = 0; h < mesh->hex_count && status == BW_OK; h++) {
-        const bw_hvertex *v = mesh->hex[h];
-        for (int i = 0; i < 8 && status == BW_OK; i++) {
-            if (v[i] < 0 || (size_t)v[i] >= mesh->vertex_count) {
-                status = bw_fail(ctx, BW_E_CHECK, "hex %zu has a corner that is no vertex", h);
-                continue;
-            }
-            used[v[i]] = 1;
-            for (int j = 0; j < i; j++)
-                if (v[i] == v[j]) status = fail_hex(ctx, mesh, h, "repeats a vertex");
-        }
-    }
+    for (size_t i = 0; i < 8 * mesh->hex_count && status == BW_OK; i++) used[mesh->hex[i / 8][i % 8]] = 1;
     for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++)
         if (!used[v]) status = fail_vertex(ctx, mesh, v, "is in no hex");
     bw_free(ctx, used);
     return status;
 }
 
-/* ---- invariants 2 and 3: links ---- */
+/* ---- invariants 2 and 3: faces ---- */
 
-/* Of the link of a vertex, a surface whose triangles are the corners there: its vertices, edges and triangles are the edges, faces and hexes of
- * the mesh at the vertex. Pieces are joined across edges only, so one piece of Euler characteristic 2 without a boundary is a sphere, one of
- * characteristic 1 with a boundary a disk: a pinched vertex, or more than one boundary, would only make it smaller. */
 typedef struct {
-    int32_t *euler;
-    uint8_t *boundary;
-    int64_t *piece; /* [8 * hex + corner] union-find */
-    bool input;     /* what is wrong is the fault of a file, and has a status of its own */
-} links;
-
-static int64_t find(int64_t *piece, int64_t i) {
-    while (piece[i] != i) i = piece[i] = piece[piece[i]];
-    return i;
-}
-
-static void join(int64_t *piece, int64_t i, int64_t j) {
-    i = find(piece, i), j = find(piece, j);
-    if (i < j) piece[j] = i;
-    else piece[i] = j;
-}
+    const bw_hex_mesh *mesh;
+    bool input;        /* what is wrong is the fault of a file, and has a status of its own */
+    uint32_t *mate;
+    uint32_t *corner;  /* [vertex] 8 * hex + corner of one of its corners */
+    uint32_t *corners; /* [vertex] how many it has */
+    uint8_t *seen;     /* [8 * hex + corner] */
+    uint32_t bad[BW_PARALLEL_MOST]; /* [range] lowest face that does not meet its mate */
+} checking;
 
 /* Whether the faces, known to have the same vertices, are loops in the same sense. */
 static bool same_loop(const bw_hex_mesh *mesh, uint64_t a, uint64_t b) {
@@ -152,54 +85,123 @@ static bool same_vertices(const bw_hvertex *a, const bw_hvertex *b) {
 }
 
 /* Refuses `count` faces with the same vertices, known to be no two in opposite senses. */
-static bw_status fail_faces(bw_context *ctx, const bw_hex_mesh *mesh, const face_key *face, size_t count, bool input) {
-    bw_hex a = (bw_hex)(face[0].face / 6), b = (bw_hex)(face[1].face / 6);
-    for (size_t i = 0; i < count; i++) blame(ctx, mesh, face[i].face / 6);
+static bw_status fail_faces(bw_context *ctx, const bw_hex_mesh *mesh, const uint32_t *face, size_t count, bool input) {
+    bw_hex a = (bw_hex)(face[0] / 6), b = (bw_hex)(face[1] / 6);
+    for (size_t i = 0; i < count; i++) blame(ctx, mesh, face[i] / 6);
     if (input && same_vertices(mesh->hex[a], mesh->hex[b])) return bw_fail(ctx, BW_E_DUPLICATE, "hexes %d and %d have the same eight vertices", a, b);
     if (count > 2) return bw_fail(ctx, input ? BW_E_NONMANIFOLD : BW_E_CHECK, "hex %d shares a face with %zu others", a, count - 1);
-    if (!input || same_loop(mesh, face[0].face, face[1].face))
+    if (!input || same_loop(mesh, face[0], face[1]))
         return bw_fail(ctx, input ? BW_E_INVERTED : BW_E_CHECK, "hexes %d and %d are on the same side of the face between them: one of them lists its corners the other way round", a, b);
     return bw_fail(ctx, BW_E_NONMANIFOLD, "hexes %d and %d share the corners of a face, but not its edges", a, b);
 }
 
-/* Whether the faces, known to have the same vertices, are loops in opposite senses. Joins their corners. */
-static bool join_faces(const bw_hex_mesh *mesh, uint64_t a, uint64_t b, links *l) {
+static bool same_corners(const bw_hex_mesh *mesh, size_t a, size_t b) {
+    int found = 0;
+    for (int i = 0; i < 16; i++)
+        found += mesh->hex[a / 6][bw_hex_face_corner[a % 6][i / 4]] == mesh->hex[b / 6][bw_hex_face_corner[b % 6][i % 4]];
+    return found == 4;
+}
+
+/* Refuses the faces that are equal to one. */
+static bw_status fail_equal(bw_context *ctx, const checking *w, uint32_t face) {
+    size_t count = 0, room = 0;
+    uint32_t *list = NULL;
+    for (size_t x = 0; x < 6 * w->mesh->hex_count; x++) {
+        if (!same_corners(w->mesh, face, x)) continue;
+        if (bw_reserve(ctx, &list, &room, count + 1)) break;
+        list[count++] = (uint32_t)x;
+    }
+    if (ctx->error.status == BW_OK) fail_faces(ctx, w->mesh, list, count, w->input);
+    bw_free(ctx, list);
+    return ctx->error.status;
+}
+
+/* Whether two faces, known to have the same vertices, are loops in opposite senses. */
+static bool faces_meet(const bw_hex_mesh *mesh, uint32_t a, uint32_t b) {
     const uint8_t *p = bw_hex_face_corner[a % 6], *q = bw_hex_face_corner[b % 6];
     const bw_hvertex *x = mesh->hex[a / 6], *y = mesh->hex[b / 6];
     int shift = 0;
     while (shift < 4 && y[q[shift]] != x[p[0]]) shift++;
-    for (int i = 0; i < 4; i++) {
-        int j = (shift - i + 4) % 4;
-        if (y[q[j]] != x[p[i]]) return false;
-        join(l->piece, (int64_t)(a / 6 * 8 + p[i]), (int64_t)(b / 6 * 8 + q[j]));
-    }
+    for (int i = 0; i < 4; i++)
+        if (y[q[(shift - i + 4) % 4]] != x[p[i]]) return false;
     return true;
 }
 
-static bw_status read_faces(bw_context *ctx, const bw_hex_mesh *mesh, links *l) {
-    face_list list;
-    bw_status status = face_list_init(ctx, &list, mesh);
-    for (size_t i = 0, j; i < 6 * mesh->hex_count && status == BW_OK; i = j) {
-        const face_key *f = list.face + i;
-        for (j = i + 1; j < 6 * mesh->hex_count && same_face(f, &list.face[j]);) j++;
-        if (j - i > 2 || (j - i == 2 && !join_faces(mesh, f[0].face, f[1].face, l))) status = fail_faces(ctx, mesh, f, j - i, l->input);
-        for (int k = 0; k < 4; k++) {
-            l->euler[f->key[k]]--;
-            l->boundary[f->key[k]] |= j - i == 1;
-        }
-    }
-    bw_free(ctx, list.begin);
-    bw_free(ctx, list.face);
-    return status;
+static bw_status compare_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    checking *w = user;
+    (void)ctx;
+    w->bad[range] = BW_HEX_NO_MATE;
+    for (size_t x = 6 * begin; x < 6 * end; x++)
+        if (w->mate[x] != BW_HEX_NO_MATE && w->mate[x] > x && w->bad[range] == BW_HEX_NO_MATE && !faces_meet(w->mesh, (uint32_t)x, w->mate[x]))
+            w->bad[range] = (uint32_t)x;
+    return BW_OK;
 }
 
-static bw_status read_edges(bw_context *ctx, const bw_hex_mesh *mesh, links *l) {
-    bw_hex_edges edges;
-    bw_status status = bw_hex_edges_init(ctx, mesh, &edges);
-    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++)
-        for (uint32_t e = edges.begin[v]; e < edges.begin[v + 1]; e++) l->euler[v]++, l->euler[edges.high[e]]++;
-    bw_hex_edges_clear(ctx, &edges);
-    return status;
+static bw_status check_faces(bw_context *ctx, checking *w) {
+    size_t n = w->mesh->hex_count;
+    int ranges = bw_parallel_ranges(ctx, n, LEAST);
+    uint32_t bad;
+    if (bw_hex_mates_and_crowd(ctx, w->mesh, &w->mate, &bad) || bw_parallel(ctx, n, ranges, compare_range, w)) return ctx->error.status;
+    for (int r = 0; r < ranges; r++)
+        if (w->bad[r] < bad) bad = w->bad[r];
+    return bad == BW_HEX_NO_MATE ? BW_OK : fail_equal(ctx, w, bad);
+}
+
+/* ---- invariants 2 and 3: links ---- */
+
+/* The link of a vertex is a surface whose triangles are the corners there: its vertices, edges and triangles are the edges, faces and hexes of
+ * the mesh at the vertex. Only what can be reached across edges from one corner is counted, so if these are all corners, Euler characteristic 2 without a boundary tells a sphere, 1
+ * with a boundary a disk: a pinched vertex, or more than one boundary, would only make it smaller. */
+typedef struct {
+    size_t corners, boundary, neighbours; /* triangles; edges of one triangle; vertices */
+} vertex_link;
+
+enum { FEW = 64 }; /* corners at a vertex for which there is room without asking */
+
+/* Room for the corners of one vertex, and for three times as many neighbours. */
+typedef struct {
+    uint32_t *corner;
+    bw_hvertex *near;
+} link_room;
+
+static int ascending(const void *a, const void *b) {
+    const bw_hvertex *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+static size_t count_different(bw_hvertex *item, size_t count) {
+    size_t n = 0;
+    if (count > 3 * FEW) {
+        qsort(item, count, sizeof *item, ascending);
+        for (size_t i = 0; i < count; i++) n += !i || item[i] != item[i - 1];
+        return n;
+    }
+    for (size_t i = 0, j; i < count; i++) {
+        for (j = 0; j < n && item[j] != item[i];) j++;
+        if (j == n) item[n++] = item[i];
+    }
+    return n;
+}
+
+static vertex_link read_link(checking *w, bw_hvertex v, link_room room) {
+    const bw_hex_mesh *mesh = w->mesh;
+    vertex_link found = {.corners = 1};
+    room.corner[0] = w->corner[v];
+    w->seen[w->corner[v]] = 1;
+    for (size_t i = 0; i < found.corners; i++) {
+        uint32_t h = room.corner[i] / 8, c = room.corner[i] % 8;
+        for (uint32_t k = 0; k < 3; k++) {
+            uint32_t mate = w->mate[6 * h + 2 * k + (c >> k & 1)], other = 0;
+            room.near[3 * i + k] = mesh->hex[h][c ^ 1u << k];
+            found.boundary += mate == BW_HEX_NO_MATE;
+            if (mate == BW_HEX_NO_MATE) continue;
+            while (mesh->hex[mate / 6][other] != v) other++;
+            other += mate / 6 * 8;
+            if (!w->seen[other]) w->seen[other] = 1, room.corner[found.corners++] = other;
+        }
+    }
+    found.neighbours = count_different(room.near, 3 * found.corners);
+    return found;
 }
 
 static bw_status fail_pinched(bw_context *ctx, const bw_hex_mesh *mesh, size_t vertex) {
@@ -209,38 +211,49 @@ static bw_status fail_pinched(bw_context *ctx, const bw_hex_mesh *mesh, size_t v
     return bw_fail(ctx, BW_E_NONMANIFOLD, "the hexes around vertex %zu do not form one fan: the mesh is not a manifold there", vertex);
 }
 
-static bw_status judge_links(bw_context *ctx, const bw_hex_mesh *mesh, const links *l) {
-    uint8_t *pieces = bw_alloc(ctx, mesh->vertex_count, 1);
-    bw_status status = ctx->error.status;
-    for (size_t i = 0; i < 8 * mesh->hex_count && status == BW_OK; i++) {
-        bw_hvertex v = mesh->hex[i / 8][i % 8];
-        l->euler[v]++;
-        if (l->piece[i] == (int64_t)i && pieces[v] < 2) pieces[v]++;
+static bw_status judge_link(bw_context *ctx, checking *w, size_t v, link_room room) {
+    vertex_link found = read_link(w, (bw_hvertex)v, room);
+    size_t edges = (3 * found.corners + found.boundary) / 2;
+    if (found.corners != w->corners[v] || found.neighbours + found.corners != edges + (found.boundary ? 1 : 2))
+        return w->input ? fail_pinched(ctx, w->mesh, v)
+                        : fail_vertex(ctx, w->mesh, v, found.boundary ? "is on the boundary, but its link is no disk" : "has a link that is no sphere");
+    if (!w->input && (w->mesh->held[v] > BW_HELD_NOT || (found.boundary && w->mesh->held[v] == BW_HELD_NOT)))
+        return fail_vertex(ctx, w->mesh, v, "is on the boundary, but not held there");
+    return BW_OK;
+}
+
+static bw_status judge_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    checking *w = user;
+    uint32_t corner[FEW];
+    bw_hvertex near[3 * FEW];
+    (void)range;
+    for (size_t v = begin; v < end; v++)
+        if (w->corners[v] && w->corners[v] <= FEW && judge_link(ctx, w, v, (link_room){corner, near})) return ctx->error.status;
+    return BW_OK;
+}
+
+/* Vertices with very many hexes, after the others. */
+static bw_status judge_large(bw_context *ctx, checking *w) {
+    for (size_t v = 0; v < w->mesh->vertex_count; v++) {
+        if (w->corners[v] <= FEW) continue;
+        link_room room = {bw_alloc(ctx, w->corners[v], sizeof *room.corner), bw_alloc(ctx, w->corners[v], 3 * sizeof *room.near)};
+        if (room.corner && room.near) judge_link(ctx, w, v, room);
+        bw_free(ctx, room.corner), bw_free(ctx, room.near);
+        if (ctx->error.status != BW_OK) return ctx->error.status;
     }
-    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++) {
-        if (!pieces[v]) continue; /* in no hex, which an input may have */
-        if (pieces[v] != 1 || l->euler[v] != 2 - l->boundary[v])
-            status = l->input ? fail_pinched(ctx, mesh, v) : fail_vertex(ctx, mesh, v, l->boundary[v] ? "is on the boundary, but its link is no disk" : "has a link that is no sphere");
-        else if (l->input) continue;
-        else if (mesh->held[v] > BW_HELD_NOT || (l->boundary[v] && mesh->held[v] == BW_HELD_NOT))
-            status = fail_vertex(ctx, mesh, v, "is on the boundary, but not held there");
-    }
-    bw_free(ctx, pieces);
-    return status;
+    return BW_OK;
 }
 
 static bw_status check_links(bw_context *ctx, const bw_hex_mesh *mesh, bool input) {
-    links l = {bw_alloc(ctx, mesh->vertex_count, sizeof *l.euler), bw_alloc(ctx, mesh->vertex_count, 1),
-               bw_alloc(ctx, 8 * mesh->hex_count, sizeof *l.piece), input};
-    bw_status status = ctx->error.status;
-    for (size_t i = 0; i < 8 * mesh->hex_count && status == BW_OK; i++) l.piece[i] = (int64_t)i;
-    if (status == BW_OK) status = read_faces(ctx, mesh, &l);
-    if (status == BW_OK) status = read_edges(ctx, mesh, &l);
-    if (status == BW_OK) status = judge_links(ctx, mesh, &l);
-    bw_free(ctx, l.euler);
-    bw_free(ctx, l.boundary);
-    bw_free(ctx, l.piece);
-    return status;
+    checking w = {.mesh = mesh, .input = input};
+    size_t n = mesh->vertex_count;
+    w.corner = bw_alloc(ctx, n, sizeof *w.corner), w.corners = bw_alloc(ctx, n, sizeof *w.corners), w.seen = bw_alloc(ctx, mesh->hex_count, 8);
+    if (ctx->error.status == BW_OK && !check_faces(ctx, &w)) {
+        for (size_t i = 0; i < 8 * mesh->hex_count; i++) w.corner[mesh->hex[i / 8][i % 8]] = (uint32_t)i, w.corners[mesh->hex[i / 8][i % 8]]++;
+        if (!bw_parallel(ctx, n, bw_parallel_ranges(ctx, n, LEAST), judge_range, &w)) judge_large(ctx, &w);
+    }
+    bw_free(ctx, w.mate), bw_free(ctx, w.corner), bw_free(ctx, w.corners), bw_free(ctx, w.seen);
+    return ctx->error.status;
 }
 
 /* ---- invariant 4: every block is a full box ---- */
@@ -295,10 +308,24 @@ static bool meets_next(const bw_hex_mesh *mesh, const boxes *b, size_t h, int ax
     return same;
 }
 
+typedef struct {
+    const bw_hex_mesh *mesh;
+    const boxes *boxes;
+} box_check;
+
+static bw_status meet_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    const box_check *w = user;
+    (void)range;
+    for (size_t h = begin; h < end; h++)
+        for (int axis = 0; axis < 3; axis++)
+            if (!meets_next(w->mesh, w->boxes, h, axis)) return fail_hex(ctx, w->mesh, h, "does not meet the next one in its block");
+    return BW_OK;
+}
+
 static bw_status check_boxes(bw_context *ctx, const bw_hex_mesh *mesh) {
     boxes b = {0};
     bool labelled = mesh->hex_count && mesh->block && mesh->block[0] != BW_NONE;
-    for (size_t h = 0; h < mesh->hex_count && mesh->block; h++) labelled = labelled || mesh->block[h] != BW_NONE;
+    for (size_t h = 0; h < mesh->hex_count && mesh->block && !labelled; h++) labelled = mesh->block[h] != BW_NONE;
     if (!labelled) return BW_OK;
     bw_status status = measure_boxes(ctx, mesh, &b);
     for (size_t h = 0; h < mesh->hex_count && status == BW_OK; h++) {
@@ -306,9 +333,7 @@ static bw_status check_boxes(bw_context *ctx, const bw_hex_mesh *mesh) {
         if (*slot != BW_NONE) status = fail_hex(ctx, mesh, h, "has the place of another in its block");
         *slot = (bw_hex)h;
     }
-    for (size_t h = 0; h < mesh->hex_count && status == BW_OK; h++)
-        for (int axis = 0; axis < 3 && status == BW_OK; axis++)
-            if (!meets_next(mesh, &b, h, axis)) status = fail_hex(ctx, mesh, h, "does not meet the next one in its block");
+    if (status == BW_OK) status = bw_parallel(ctx, mesh->hex_count, bw_parallel_ranges(ctx, mesh->hex_count, LEAST), meet_range, &(box_check){mesh, &b});
     bw_free(ctx, b.size);
     bw_free(ctx, b.begin);
     bw_free(ctx, b.hex);

@@ -13,9 +13,11 @@
 extern const uint8_t bw_hex_face_corner[6][4]; /* of a face, counter-clockwise seen from outside a positive hex */
 extern const uint8_t bw_hex_edge_corner[12][2];
 
-/* *mate (owned by the caller): [6 * hex + face] the same quad as 6 * hex + face of its other hex; BW_HEX_NO_MATE on the boundary. Of three hexes with one
- * quad, which no mesh that passes its check has, the last one stays without. */
+/* *mate (owned by the caller): [6 * hex + face] the same quad as 6 * hex + face of its other hex; BW_HEX_NO_MATE on the boundary. Where more than two
+ * quads have the same vertices, or two that are joined by other edges, which no mesh that passes its check has, some stay without. */
 bw_status bw_hex_mates(bw_context *ctx, const bw_hex_mesh *mesh, uint32_t **mate);
+/* The same; *crowd is the lowest of such quads, or BW_HEX_NO_MATE. */
+bw_status bw_hex_mates_and_crowd(bw_context *ctx, const bw_hex_mesh *mesh, uint32_t **mate, uint32_t *crowd);
 
 /* All edges, ascending by lower vertex, then by higher one. */
 typedef struct {

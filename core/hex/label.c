@@ -2,7 +2,10 @@
 
 #include <string.h>
 
+#include "base/parallel.h"
 #include "hex/incidence.h"
+
+enum { LEAST = 4096 }; /* hexes per thread at least */
 
 /* A critical node that is a vertex of the tet mesh, and a corner of a hex there. */
 typedef struct {
@@ -17,6 +20,8 @@ typedef struct {
     const bw_igm *igm;
     bw_hex_mesh *mesh;
     uint32_t *mate;
+    bw_rotation *across;   /* [6 * hex + face] from the axes of its mate there to its own; BW_ROTATIONS if they do not share the face */
+    uint8_t *compared;     /* [hex] its faces have been compared in this attempt */
     bw_rotation *turn;     /* [hex] from its axes to those of its block */
     uint32_t *cube_begin;  /* [block] */
     bw_hex *taken;         /* [cube] by which hex */
@@ -64,6 +69,16 @@ static bw_rotation turn_between(const labels *l, uint32_t a, uint32_t b) {
     return axis[0] == axis[1] ? BW_ROTATIONS : l->by_axes[3 * axis[0] + axis[1]][signs];
 }
 
+static bw_status turn_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    labels *l = user;
+    (void)ctx, (void)range;
+    for (size_t x = 6 * begin; x < 6 * end; x++) {
+        bw_rotation turn = l->mate[x] == BW_HEX_NO_MATE ? BW_ROTATIONS : turn_between(l, (uint32_t)x, l->mate[x]);
+        l->across[x] = turn == BW_ROTATIONS ? BW_ROTATIONS : bw_rotation_inverse(turn);
+    }
+    return BW_OK;
+}
+
 static bw_plan_cube cube_of(const labels *l, bw_hex h) {
     bw_plan_cube c = {.block = l->mesh->block[h], .turn = l->turn[h]};
     for (int k = 0; k < 3; k++) c.centre[k] = 2 * (int64_t)l->mesh->ijk[h][k] + 1;
@@ -102,10 +117,12 @@ static bool same_region(const labels *l, bw_hex h, int face, bw_patch patch) {
     return true;
 }
 
+/* Across one face. What has been compared from the other side is so from this one: a plan's contacts are listed for both blocks. */
 static bool go(labels *l, bw_hex h, int face) {
+    uint32_t mate = l->mate[6 * (size_t)h + (size_t)face];
+    if (mate != BW_HEX_NO_MATE && l->compared[mate / 6]) return true;
     bw_plan_cube here = cube_of(l, h), there;
     bw_patch patch = BW_NONE;
-    uint32_t mate = l->mate[6 * (size_t)h + (size_t)face];
     bw_plan_step step = bw_hex_plan_step(l->plan, &here, face, &there, &patch);
     if (step == BW_PLAN_OUTSIDE && mate == BW_HEX_NO_MATE && !same_region(l, h, face, patch)) {
         l->fault = "a part of the boundary is where another should be";
@@ -117,12 +134,12 @@ static bool go(labels *l, bw_hex h, int face) {
     }
     if (step == BW_PLAN_OUTSIDE) return true;
     bw_hex next = (bw_hex)(mate / 6);
-    bw_rotation turn = turn_between(l, 6 * (uint32_t)h + (uint32_t)face, mate);
+    bw_rotation turn = l->across[6 * (size_t)h + (size_t)face];
     if (turn == BW_ROTATIONS) {
         l->fault = "two hexes do not share a face";
         return false;
     }
-    there.turn = bw_rotation_compose(there.turn, bw_rotation_inverse(turn));
+    there.turn = bw_rotation_compose(there.turn, turn);
     if (l->mesh->block[next] == BW_NONE) return give(l, next, &there);
     if (l->taken[slot_of(l, &there)] == next && l->turn[next] == there.turn) return true;
     l->fault = "two ways to a hex disagree about its place";
@@ -134,6 +151,7 @@ static void forget(labels *l) {
         bw_plan_cube c = cube_of(l, l->queue[i]);
         l->taken[slot_of(l, &c)] = BW_NONE;
         l->mesh->block[l->queue[i]] = BW_NONE;
+        l->compared[l->queue[i]] = 0;
     }
     l->queued = 0;
 }
@@ -198,6 +216,7 @@ static bw_status attempt(labels *l, bw_hex hex, const bw_plan_cube *cube, bool *
     for (size_t i = 0; i < l->queued && *good; i++) {
         if (i % 65536 == 0 && bw_poll(l->ctx)) return l->ctx->error.status;
         for (int face = 0; face < 6 && *good; face++) *good = go(l, l->queue[i], face);
+        l->compared[l->queue[i]] = 1;
     }
     *good = *good && nodes_fit(l);
     if (!*good && l->queued > l->reached) l->farthest = l->fault, l->reached = l->queued;
@@ -371,8 +390,10 @@ static bw_status name_regions(labels *l) {
 /* ---- the whole ---- */
 
 /* Corners by the axes of the block. */
-static void turn_corners(labels *l) {
-    for (size_t h = 0; h < l->mesh->hex_count; h++) {
+static bw_status turn_corners(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
+    labels *l = user;
+    (void)ctx, (void)range;
+    for (size_t h = begin; h < end; h++) {
         bw_hvertex old[8];
         memcpy(old, l->mesh->hex[h], sizeof old);
         for (int c = 0; c < 8 && l->turn[h]; c++) {
@@ -381,6 +402,7 @@ static void turn_corners(labels *l) {
             l->mesh->hex[h][(u[0] > 0) | (u[1] > 0) << 1 | (u[2] > 0) << 2] = old[c];
         }
     }
+    return BW_OK;
 }
 
 static bw_status make_room(labels *l) {
@@ -388,6 +410,8 @@ static bw_status make_room(labels *l) {
     size_t n = l->mesh->hex_count;
     list_rotations(l);
     l->turn = bw_alloc(l->ctx, n, sizeof *l->turn);
+    l->across = bw_alloc(l->ctx, n, 6 * sizeof *l->across);
+    l->compared = bw_alloc(l->ctx, n, 1);
     l->taken = bw_alloc(l->ctx, n, sizeof *l->taken);
     l->queue = bw_alloc(l->ctx, n, sizeof *l->queue);
     l->cube_begin = bw_alloc(l->ctx, x->block_count + 1, sizeof *l->cube_begin);
@@ -398,7 +422,8 @@ static bw_status make_room(labels *l) {
         const int64_t *size = l->plan->size[b];
         l->cube_begin[b + 1] = l->cube_begin[b] + (uint32_t)(size[0] / 2 * (size[1] / 2) * (size[2] / 2));
     }
-    return bw_hex_mates(l->ctx, l->mesh, &l->mate);
+    bw_status status = bw_hex_mates(l->ctx, l->mesh, &l->mate);
+    return status == BW_OK ? bw_parallel(l->ctx, n, bw_parallel_ranges(l->ctx, n, LEAST), turn_range, l) : status;
 }
 
 bw_status bw_hex_label(bw_context *ctx, const bw_hex_plan *plan, const bw_igm *igm, bw_hex_mesh *mesh) {
@@ -413,8 +438,8 @@ bw_status bw_hex_label(bw_context *ctx, const bw_hex_plan *plan, const bw_igm *i
     if (status == BW_OK) status = list_corners(&l, anchor_of);
     if (status == BW_OK) status = name_regions(&l);
     if (status == BW_OK) status = flood(&l);
-    if (status == BW_OK) turn_corners(&l);
-    void *blocks[] = {anchor_of, l.mate, l.turn, l.cube_begin, l.taken, l.queue, l.anchor, l.corner, l.patch_region, l.facet_region};
+    if (status == BW_OK) status = bw_parallel(ctx, mesh->hex_count, bw_parallel_ranges(ctx, mesh->hex_count, LEAST), turn_corners, &l);
+    void *blocks[] = {anchor_of, l.mate, l.across, l.compared, l.turn, l.cube_begin, l.taken, l.queue, l.anchor, l.corner, l.patch_region, l.facet_region};
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++) bw_free(ctx, blocks[i]);
     return status;
 }

@@ -19,18 +19,22 @@ static bw_status join_cells(bw_context *ctx, const int32_t *corner, size_t cells
     return BW_OK;
 }
 
+/* The Euler characteristic of a manifold of three dimensions is half of its boundary's, and that surface of quads has twice as many edges as quads. */
 bw_status bw_hex_mesh_topology(bw_context *ctx, const bw_hex_mesh *mesh, bw_topology *out) {
-    size_t used, doubled = 0;
+    size_t used;
+    int64_t euler = 0;
     uint32_t *mate = NULL;
-    bw_hex_edges edges = {0};
+    uint8_t *outside = bw_alloc(ctx, mesh->vertex_count, 1);
     bw_status status = join_cells(ctx, mesh->hex_count ? mesh->hex[0] : NULL, mesh->hex_count, 8, mesh->vertex_count, &used, &out->components);
     if (status == BW_OK) status = bw_hex_mates(ctx, mesh, &mate);
-    if (status == BW_OK) status = bw_hex_edges_init(ctx, mesh, &edges);
-    if (status == BW_OK) {
-        for (size_t i = 0; i < 6 * mesh->hex_count; i++) doubled += mate[i] != BW_HEX_NO_MATE;
-        out->euler = (int64_t)used - (int64_t)edges.begin[mesh->vertex_count] + (int64_t)(6 * mesh->hex_count - doubled / 2) - (int64_t)mesh->hex_count;
+    for (size_t x = 0; x < 6 * mesh->hex_count && status == BW_OK; x++) {
+        if (mate[x] != BW_HEX_NO_MATE) continue;
+        euler--;
+        for (int i = 0; i < 4; i++) outside[mesh->hex[x / 6][bw_hex_face_corner[x % 6][i]]] = 1;
     }
-    bw_hex_edges_clear(ctx, &edges);
+    for (size_t v = 0; v < mesh->vertex_count && status == BW_OK; v++) euler += outside[v];
+    out->euler = euler / 2;
+    bw_free(ctx, outside);
     bw_free(ctx, mate);
     return status;
 }
