@@ -233,7 +233,7 @@ static const struct {
     [BW_STAGE_TRACE] = {"trace", 9, run_trace},
     [BW_STAGE_BUILD] = {"build", 10, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
-    [BW_STAGE_QUANTIZE] = {"quantize", 9, run_quantize},
+    [BW_STAGE_QUANTIZE] = {"quantize", 10, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 2, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 7, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 14, run_encode},

@@ -67,25 +67,31 @@ bw_status bw_quantizer_solve(bw_context *ctx, bw_quantizer *q, double scale, dou
     return BW_OK;
 }
 
-bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result) {
-    bw_quant_result before = {0};
+/* In each range the coarsest first, as bw_quantizer_solve finds it, and then from there, or from the fewest of the range before, to the fewest: so they are never more than the
+ * coarsest has. coarsest: [class] scratch. */
+static bw_status find_fewest(bw_context *ctx, bw_quantizer *q, double seconds, int64_t *coarsest, bw_quant_result *result) {
+    size_t bytes = q->model.class_count * sizeof *coarsest;
+    bw_quant_result before = {0}, first;
     bw_quant_oracle none = {0};
     for (size_t k = 0; k < q->used; k++) {
-        bw_quant_result coarsest;
         double left = share_of(q, k, seconds - before.seconds);
         bw_quant_problem_set_scale(&q->level[k], 0);
-        if (k) memcpy(q->best, q->value, q->model.class_count * sizeof *q->best);
-        if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? q->value : NULL, q->value, &coarsest))
-            return ctx->error.status;
-        if (k && bw_quant_model_hexes(&q->model, q->best) < bw_quant_model_hexes(&q->model, q->value))
-            memcpy(q->value, q->best, q->model.class_count * sizeof *q->best);
-        left = fmax(left - coarsest.seconds, 0);
+        if (bw_quant_solve(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, k ? coarsest : NULL, coarsest, &first)) return ctx->error.status;
+        if (!k || bw_quant_model_hexes(&q->model, coarsest) <= bw_quant_model_hexes(&q->model, q->value)) memcpy(q->value, coarsest, bytes);
+        left = fmax(left - first.seconds, 0);
         if (bw_quant_fewest(ctx, &q->level[k], &q->moves, oracle_of(q, k, &none), left, q->value, result)) return ctx->error.status;
-        add_work(result, &coarsest);
+        add_work(result, &first);
         add_work(result, &before);
         before = *result;
     }
     return BW_OK;
+}
+
+bw_status bw_quantizer_fewest(bw_context *ctx, bw_quantizer *q, double seconds, bw_quant_result *result) {
+    int64_t *coarsest = bw_alloc(ctx, q->model.class_count, sizeof *coarsest);
+    bw_status status = coarsest ? find_fewest(ctx, q, seconds, coarsest, result) : ctx->error.status;
+    bw_free(ctx, coarsest);
+    return status;
 }
 
 /* ---- a number of hexes ---- */
