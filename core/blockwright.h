@@ -46,6 +46,7 @@ typedef struct {
     double tolerance;    /* largest accepted defect of seamlessness and alignment, relative to the edge it occurs on */
     bool repair;         /* sanitize may move vertices in parameter space where tets are inverted or degenerate */
     bw_igm_route route;    /* how reparametrize makes the map */
+    int max_map_work;      /* work limit of a map, in steps of optimization; one that needs more is given up for another route or size */
     int subdivide;         /* hexes along the edge of a unit of the quantization: 1..1000 */
     uint64_t max_hexes;    /* work limit of extract (BW_E_LIMIT beyond) */
     bool smooth;           /* extract also moves the vertices of the hex mesh, on the surface, to better shapes */

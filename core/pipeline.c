@@ -199,7 +199,7 @@ static bw_status run_reparametrize(bw_context *ctx, const bw_options *options, b
     (void)out;
     if (!state->length) return BW_OK;
     requantizer r = {options, state};
-    bw_reparametrize_options how = {options->route, requantize, &r};
+    bw_reparametrize_options how = {options->route, options->max_map_work, requantize, &r};
     return bw_reparametrize(ctx, &state->cells, &state->complex, &how, &state->length, &state->igm, &state->has_igm, &state->report);
 }
 
@@ -234,9 +234,9 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 10, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 10, run_quantize},
-    [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 2, run_reparametrize},
+    [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 3, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 7, run_extract},
-    [BW_STAGE_ENCODE] = {"encode", 14, run_encode},
+    [BW_STAGE_ENCODE] = {"encode", 15, run_encode},
 };
 
 const char *bw_version(void) { return BW_VERSION; }
@@ -258,7 +258,7 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 
 void bw_options_defaults(bw_options *options) {
     *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
-                            .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000,
+                            .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000, .max_map_work = 400,
                             .hex_formats = 1u << BW_HEX_FORMAT_MESH | 1u << BW_HEX_FORMAT_VTU | 1u << BW_HEX_FORMAT_BWH};
 }
 
@@ -359,6 +359,10 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         static const char *const words[] = {"auto", "quality", "guaranteed"};
         if ((i = choice(value, words, 3)) < 0) return bw_fail(ctx, BW_E_USAGE, "option route is \"auto\", \"quality\" or \"guaranteed\"");
         o->route = (bw_igm_route)i;
+    } else if (!strcmp(name, "max_map_work")) {
+        if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 1000000)
+            return bw_fail(ctx, BW_E_USAGE, "option max_map_work is an integer from 1 to 1000000");
+        o->max_map_work = (int)json_integer_value(value);
     } else if (!strcmp(name, "subdivide")) {
         if (!json_is_integer(value) || json_integer_value(value) < 1 || json_integer_value(value) > 1000)
             return bw_fail(ctx, BW_E_USAGE, "option subdivide is an integer from 1 to 1000");

@@ -31,7 +31,7 @@ static const char *conflict(const cli_job_options *o) {
     int sizes = (o->scale > 0) + o->coarsest + o->fewest_hexes + (o->target_hexes > 0);
     if (sizes > 1) return "only one of --scale, --coarsest, --fewest-hexes and --target-hexes says the size";
     if ((!o->quantize || !strcmp(o->quantize, "none")) &&
-        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->route || o->subdivide > 0 || o->max_hexes > 0 || o->smooth))
+        (sizes || o->scales || o->rounding || o->time_limit > 0 || o->route || o->max_map_work > 0 || o->subdivide > 0 || o->max_hexes > 0 || o->smooth))
         return "a size, limit, route, subdivision, smoothing or rounding beside a quantization wants --quantize positive, nonnegative or any";
     return NULL;
 }
@@ -58,6 +58,7 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->rounding) json_object_set_new(json, "rounding", json_true());
     if (o->time_limit > 0) json_object_set_new(json, "time_limit", json_real(o->time_limit));
     if (o->route) json_object_set_new(json, "route", json_string(o->route));
+    if (o->max_map_work > 0) json_object_set_new(json, "max_map_work", json_integer(o->max_map_work));
     if (o->subdivide > 0) json_object_set_new(json, "subdivide", json_integer(o->subdivide));
     if (o->max_hexes > 0) json_object_set_new(json, "max_hexes", json_integer(o->max_hexes));
     if (o->smooth) json_object_set_new(json, "smooth", json_string(o->smooth));

@@ -12,7 +12,7 @@ typedef struct {
     const char *kind, *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
     const char *effort;          /* a digit; NULL: not given */
     double tolerance;            /* 0: not given */
-    int64_t max_cells, subdivide, max_hexes, bwh_bits; /* 0: not given */
+    int64_t max_cells, max_map_work, subdivide, max_hexes, bwh_bits; /* 0: not given */
     const char *quantize, *route, *smooth; /* NULL: not given */
     double scale, time_limit;    /* 0: not given */
     bool coarsest, fewest_hexes, rounding;
@@ -56,6 +56,8 @@ typedef struct {
      "for the search of one quantization (default 10)", 1e-9, 3600},                                         \
     {"route", 0, CLI_CHOICE, offsetof(settings, job.route), "auto|quality|guaranteed",                       \
      "how hexes are made: quality, by a map of low distortion; guaranteed, block by block; auto, by what works (default)", 0, 0}, \
+    {"max-map-work", 0, CLI_INTEGER, offsetof(settings, job.max_map_work), "N",                              \
+     "work limit: steps of optimization for a map, else another route or size (default 400)", 1, 1000000},   \
     {"subdivide", 0, CLI_INTEGER, offsetof(settings, job.subdivide), "N",                                    \
      "cut every hex of the quantization into N x N x N (default 1)", 1, 1000},                               \
     {"max-hexes", 0, CLI_INTEGER, offsetof(settings, job.max_hexes), "N",                                    \

@@ -131,6 +131,17 @@ void bw_free(bw_context *ctx, void *block) {
     release(h);
 }
 
+bw_status bw_charge(bw_context *ctx, size_t *charged, size_t bytes) {
+    bw_memory *m = &ctx->memory;
+    bool more = bytes > *charged;
+    m->used += bytes - *charged;
+    *charged = bytes;
+    if (m->used > m->peak) m->peak = m->used;
+    if (!more || !m->limit || m->used <= m->limit) return BW_OK;
+    refuse(ctx, bytes);
+    return ctx->error.status;
+}
+
 bw_status bw_trim_(bw_context *ctx, void **items, size_t *capacity, size_t count, size_t size) {
     if (count == *capacity) return BW_OK;
     void *block = bw_resize(ctx, *items, count, size);

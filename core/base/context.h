@@ -78,6 +78,9 @@ void *bw_alloc(bw_context *ctx, size_t count, size_t size);
 /* Resizes a block of bw_alloc/bw_grow (or NULL) to count * size bytes; new bytes are zero; NULL leaves the old block alone. */
 void *bw_resize(bw_context *ctx, void *block, size_t count, size_t size);
 void bw_free(bw_context *ctx, void *block); /* NULL is fine */
+/* Counts memory that a library holds for the job, and bw_alloc does not know of: *charged bytes were counted before, `bytes` are held now. BW_E_MEMORY beyond the limit; it is
+ * counted nevertheless. */
+bw_status bw_charge(bw_context *ctx, size_t *charged, size_t bytes);
 
 /* Growable array: makes room for `need` items in *items (item size given), and for half as many more as there were; an eighth, if that is many. */
 bw_status bw_reserve_(bw_context *ctx, void **items, size_t *capacity, size_t need, size_t size);

@@ -151,6 +151,8 @@ typedef struct {
         uint64_t hexes_asked, hexes; /* of the first quantization and of that in use */
         uint64_t inverted_fit, inverted_stiffened, inverted_untangled, inverted;
         uint64_t stiffenings, iterations, restarts, refinements, splits, tets;
+        double work;  /* steps that all maps tried took (igm/parametrize.h) */
+        bool limited; /* the last one was given up at the limit of work */
         double distortion_mean, distortion_max; /* 1 at best; 0 without a map */
         double seconds, seconds_frame, seconds_fit, seconds_untangle, seconds_verify;
     } reparametrize;
@@ -199,6 +201,7 @@ typedef struct {
         bw_report_range block_volume; /* in the input's space, per block */
         double volume;                /* of the model, in the input's space */
         uint64_t traced_vertices, traced_tets, traced_walls; /* of traced.hexex */
+        char integer_grid_omitted[240]; /* why a hex mesh from blocks has no integer_grid.hexex; empty if there is one, or no hex mesh */
     } quality;
 
     struct { /* base complexes of hex meshes (hex/base_complex.h), features left out */

@@ -5,6 +5,7 @@
 void bw_exact_points_clear(bw_context *ctx, bw_exact_points *p) {
     for (size_t i = 0; i < p->ready; i++) mpq_clears(p->point[i].x[0], p->point[i].x[1], p->point[i].x[2], NULL);
     bw_free(ctx, p->point), bw_free(ctx, p->slot);
+    bw_charge(ctx, &p->charged, 0);
     memset(p, 0, sizeof *p);
 }
 
@@ -29,6 +30,18 @@ static bool same(const bw_exact_point *a, int32_t group, const mpq_t x[3], const
     for (int k = 0; k < 3; k++)
         if (a->at[k] != at[k]) return false;
     return a->group == group && mpq_equal(a->x[0], x[0]) && mpq_equal(a->x[1], x[1]) && mpq_equal(a->x[2], x[2]);
+}
+
+/* Bytes on the heap: every block has a word more and is a multiple of two words, of four at least. */
+static size_t held_by(const mpz_t z) {
+    size_t words = (size_t)z->_mp_alloc;
+    return words == 0 ? 0 : words < 3 ? 4 * sizeof(mp_limb_t) : (words + 2) / 2 * 2 * sizeof(mp_limb_t);
+}
+
+static size_t held_by_point(const bw_exact_point *p) {
+    size_t sum = 0;
+    for (int k = 0; k < 3; k++) sum += held_by(mpq_numref(p->x[k])) + held_by(mpq_denref(p->x[k]));
+    return sum;
 }
 
 static bw_status grow(bw_context *ctx, bw_exact_points *p) {
@@ -57,9 +70,15 @@ bw_status bw_exact_points_find(bw_context *ctx, bw_exact_points *p, int32_t grou
             return BW_OK;
         }
     bw_exact_point *n = &p->point[p->count];
-    for (; p->ready <= p->count; p->ready++) mpq_inits(p->point[p->ready].x[0], p->point[p->ready].x[1], p->point[p->ready].x[2], NULL);
+    for (; p->ready <= p->count; p->ready++) {
+        bw_exact_point *fresh = &p->point[p->ready];
+        mpq_inits(fresh->x[0], fresh->x[1], fresh->x[2], NULL);
+        p->held += held_by_point(fresh);
+    }
+    p->held -= held_by_point(n);
     for (int k = 0; k < 3; k++) mpq_set(n->x[k], x[k]), n->at[k] = at[k];
     n->group = group, n->item = BW_NONE;
     *out = p->slot[h] = (int32_t)p->count++;
-    return BW_OK;
+    p->held += held_by_point(n);
+    return bw_charge(ctx, &p->charged, p->held);
 }

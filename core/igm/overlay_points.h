@@ -1,4 +1,4 @@
-/* Points with exact coordinates, found again by them: behind overlay.c. */
+/* Points with exact coordinates, found again by them: behind overlay.c. Their numbers are the bulk of its memory; GMP takes it by itself, so it is counted here as the job's. */
 #ifndef BW_IGM_OVERLAY_POINTS_H
 #define BW_IGM_OVERLAY_POINTS_H
 
@@ -19,6 +19,7 @@ typedef struct {
     size_t count, ready, room; /* those up to `ready` are initialised */
     int32_t *slot;             /* by hash; index of a point or BW_NONE */
     size_t slots;              /* a power of two */
+    size_t held, charged;      /* bytes of the numbers: what GMP took, and what the job was told of it */
 } bw_exact_points;
 
 void bw_exact_points_clear(bw_context *ctx, bw_exact_points *points);

@@ -8,22 +8,22 @@
 #include "solve/distortion.h"
 #include "solve/untangle.h"
 
-enum { STIFFENINGS = 10, REFINEMENTS = 12, ATTEMPTS = 3, UNWINDINGS = 3 };
+enum { STIFFENINGS = 10, REFINEMENTS = 12, POLISH = 12 };
 
-#define STRIDE_LEAST (1.0 / 40) /* of a march: a stop for refinement */
+#define THIN 0.25 /* of a hex: as thick the shapes of tets are at least in blocks that get no extent */
 
-static const bw_untangle_options untangling = {.rounds = 120, .patience = 25, .polish = 12, .settled = 1e-3};
+static const bw_untangle_options untangling = {.rounds = 120, .patience = 25, .polish = 4, .settled = 1e-3};
 
-/* Against what shapes are measured. */
-typedef enum { SHAPE_MAP, SHAPE_SPACE } shape;
+/* The input's map, in hexes of the mean size, or with each block stretched to its integers. */
+typedef enum { SHAPE_BLOCKS, SHAPE_MAP, SHAPES } shape;
 
 typedef struct {
     bw_context *ctx;
     const bw_atlas *atlas;
     bw_frame *f;
     double unit;            /* hexes per grid unit of the input's map: equal volumes */
-    double space;           /* hexes per unit of space, likewise */
-    shape against;
+    double left;            /* of the work limit */
+    size_t tets_before;
     bw_untangle_tet *tet;
     double *weight, *x;
     double (*target)[3][3]; /* Jacobians for the start */
@@ -38,39 +38,28 @@ typedef struct {
 
 static void set_units(maker *m) {
     const bw_complex *x = m->atlas->complex;
-    double hexes = 0, volume = 0, space = 0;
+    double hexes = 0, volume = 0;
     for (size_t b = 0; b < x->block_count; b++) {
         double q = 1, p = 1;
         for (int k = 0; k < 3; k++) q *= (double)m->atlas->extent[b][k], p *= (double)x->block_extent[b][k];
         hexes += q, volume += p;
     }
-    for (size_t t = 0; t < m->f->tet_count; t++) {
-        double e[3][3];
-        for (int i = 0; i < 9; i++)
-            e[i / 3][i % 3] = m->f->position[m->f->tet[t].vertex[i % 3 + 1]][i / 3] - m->f->position[m->f->tet[t].vertex[0]][i / 3];
-        space += fabs(bw_det3((const double(*)[3])e)) / 6;
-    }
     m->unit = cbrt(hexes / volume);
-    m->space = cbrt(hexes / space);
 }
 
-/* Edges from corner 0 as columns: in the input's map, in hexes, or in space. False if the latter is not positive. */
-static bool wanted_edges(const maker *m, const bw_frame_tet *t, shape against, double e[3][3]) {
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++)
-            e[k][i] = against == SHAPE_MAP ? m->unit * (t->p[i + 1][k] - t->p[0][k])
-                                           : m->space * (m->f->position[t->vertex[i + 1]][k] - m->f->position[t->vertex[0]][k]);
-    return bw_det3((const double(*)[3])e) > 1e-9 || against == SHAPE_MAP;
+/* Edges from corner 0 as columns: in the input's map, in hexes, or as its block is stretched. A block may get no extent, a tet has to have a shape. */
+static void wanted_edges(const maker *m, const bw_frame_tet *t, shape wanted, double least, double e[3][3]) {
+    for (int k = 0; k < 3; k++) {
+        double factor = m->unit, input = factor * (double)m->atlas->complex->block_extent[t->home][k];
+        if (wanted == SHAPE_BLOCKS) factor *= fmax((double)m->atlas->extent[t->home][k], fmin(input, least)) / input;
+        for (int i = 0; i < 3; i++) e[k][i] = factor * (t->p[i + 1][k] - t->p[0][k]);
+    }
 }
 
-/* The Jacobian to start near: the input's map, in space measured block by block as the integers stretch it. */
-static void set_target(maker *m, size_t tet) {
-    const bw_frame_tet *t = &m->f->tet[tet];
+/* The Jacobian to start near. */
+static void set_target(maker *m, size_t tet, shape wanted) {
     double e[3][3];
-    wanted_edges(m, t, SHAPE_MAP, e);
-    for (int k = 0; k < 3 && m->against == SHAPE_SPACE; k++)
-        for (int i = 0; i < 3; i++)
-            e[k][i] *= (double)m->atlas->extent[t->home][k] / ((double)m->atlas->complex->block_extent[t->home][k] * m->unit);
+    wanted_edges(m, &m->f->tet[tet], wanted, 0, e);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) {
             m->target[tet][a][b] = 0;
@@ -86,7 +75,8 @@ static void release(maker *m) {
     m->tet = NULL, m->weight = NULL, m->x = NULL, m->target = NULL;
 }
 
-static bw_status pose(maker *m) {
+/* The problem with shapes measured against `wanted`, and x as the frame has it. */
+static bw_status pose(maker *m, shape wanted) {
     release(m);
     m->tet = bw_alloc(m->ctx, m->f->tet_count, sizeof *m->tet);
     m->weight = bw_alloc(m->ctx, m->f->tet_count, sizeof *m->weight);
@@ -96,18 +86,30 @@ static bw_status pose(maker *m) {
     for (size_t i = 0; i < m->f->tet_count; i++) {
         const bw_frame_tet *t = &m->f->tet[i];
         double e[3][3];
-        if (!wanted_edges(m, t, m->against, e)) wanted_edges(m, t, SHAPE_MAP, e);
+        wanted_edges(m, t, wanted, THIN, e);
         m->weight[i] = bw_inverse3((const double(*)[3])e, m->tet[i].rest) / 6;
         for (int c = 0; c < 4; c++)
             for (int k = 0; k < 3; k++) m->tet[i].at[c][k] = (double)t->at[c][k];
         memcpy(m->tet[i].variable, t->variable, sizeof t->variable);
         memcpy(m->tet[i].sign, t->sign, sizeof t->sign);
-        set_target(m, i);
     }
+    bw_frame_read(m->f, m->x);
     return bw_untangler_new(m->ctx, m->tet, m->f->tet_count, m->f->variable_count, &m->u);
 }
 
 /* ---- the steps ---- */
+
+/* How many steps of `most` the work limit allows. */
+static int affordable(const maker *m, int most) {
+    double steps = m->left * (double)m->tets_before / (double)m->f->tet_count;
+    return steps >= most ? most : (int)steps;
+}
+
+static void spend(maker *m, int steps) {
+    double work = steps * (double)m->f->tet_count / (double)m->tets_before;
+    m->left -= work;
+    m->report->work += work;
+}
 
 static size_t count_inverted(const maker *m) {
     size_t count = 0;
@@ -116,14 +118,16 @@ static size_t count_inverted(const maker *m) {
 }
 
 /* Least squares, again and again with the inverted tets made stiffer; the best result is kept. */
-static bw_status fit(maker *m) {
+static bw_status fit(maker *m, shape wanted) {
     double since = bw_seconds_now();
     double *best = bw_alloc(m->ctx, m->f->variable_count, sizeof *best);
     bw_status status = m->ctx->error.status;
     size_t fewest = SIZE_MAX, inverted = 1;
     int round = 0;
+    for (size_t t = 0; t < m->f->tet_count; t++) set_target(m, t, wanted);
     for (; round < STIFFENINGS && inverted && status == BW_OK; round++) {
         if ((status = bw_poll(m->ctx)) || (status = bw_untangler_fit(m->ctx, m->u, m->weight, (const double(*)[3][3])m->target, m->x))) break;
+        spend(m, 1);
         inverted = count_inverted(m);
         if (!round && !m->report->restarts) m->report->inverted_fit = inverted;
         if (inverted < fewest) memcpy(best, m->x, m->f->variable_count * sizeof *best), fewest = inverted;
@@ -137,9 +141,13 @@ static bw_status fit(maker *m) {
     return status;
 }
 
-static bw_status untangle(maker *m) {
+/* `from`: where the sequence of eps begins, as bw_untangle_options.from; `polish`: steps once all is positive. */
+static bw_status untangle(maker *m, double from, int polish) {
     double since = bw_seconds_now();
-    bw_status status = bw_untangler_run(m->ctx, m->u, &untangling, m->x, &m->last);
+    bw_untangle_options options = untangling;
+    options.rounds = affordable(m, untangling.rounds), options.polish = polish, options.from = from;
+    bw_status status = bw_untangler_run(m->ctx, m->u, &options, m->x, &m->last);
+    spend(m, m->last.iterations);
     m->report->iterations += m->last.iterations;
     m->report->inverted = m->last.inverted;
     m->report->seconds_untangle += bw_seconds_now() - since;
@@ -158,86 +166,35 @@ static void measure(maker *m) {
     m->report->distortion_mean = sum / (double)m->f->tet_count, m->report->distortion_max = most;
 }
 
-/* Makes the map once all tets are positive; report->valid tells whether it is one. */
+/* Makes the map once all tets are positive; report->valid tells whether it is one. Where blocks are stretched differently, tets that are as their blocks want them jump from one to the
+ * next: so what is left is done against the input's map. */
 static bw_status conclude(maker *m) {
-    double since = bw_seconds_now();
     if (m->last.inverted) return BW_OK;
+    bw_status status = pose(m, SHAPE_MAP);
+    if (status == BW_OK) status = untangle(m, 0, affordable(m, POLISH));
+    if (status != BW_OK) return status;
+    double since = bw_seconds_now();
     measure(m);
     bw_free(m->ctx, m->wound);
     if (!(m->wound = bw_alloc(m->ctx, m->f->tet_count, 1))) return m->ctx->error.status;
-    bw_status status = bw_igm_assemble(m->ctx, m->atlas->cells->mesh, m->f, m->x, m->igm, &m->report->valid, m->wound);
+    status = bw_igm_assemble(m->ctx, m->atlas->cells->mesh, m->f, m->x, m->igm, &m->report->valid, m->wound);
     m->report->seconds_verify += bw_seconds_now() - since;
     return status;
 }
 
-/* ---- marching ---- */
-
-/* Constants between those of the input's map and the integers: at = (1 - far) * input + far * integer. */
-static void set_constants(maker *m, double far) {
-    for (size_t i = 0; i < m->f->tet_count; i++) {
-        const bw_frame_tet *t = &m->f->tet[i];
-        for (int c = 0; c < 4; c++)
-            for (int k = 0; k < 3; k++) {
-                int32_t v = t->variable[c][k];
-                double input = m->unit * t->p[c][k];
-                if (v != BW_NONE) input -= t->sign[c][k] * m->unit * m->f->tet[m->f->reference[v][0] / 4].p[m->f->reference[v][0] % 4][m->f->reference[v][1]];
-                m->tet[i].at[c][k] = (1 - far) * input + far * (double)t->at[c][k];
-            }
-    }
-}
-
-/* From constants at `from` to those at `to`: the change of Jacobians is spread as evenly as may be, then what it inverted is untangled. */
-static bw_status advance(maker *m, double from, double to) {
-    bw_untangle_options options = untangling;
-    options.polish = to < 1 ? 4 : untangling.polish;
-    set_constants(m, from);
-    for (size_t t = 0; t < m->f->tet_count; t++) bw_untangle_jacobian(&m->tet[t], m->x, m->target[t]);
-    set_constants(m, to);
-    bw_status status = bw_untangler_fit(m->ctx, m->u, m->weight, (const double(*)[3][3])m->target, m->x);
-    if (status == BW_OK) status = bw_untangler_run(m->ctx, m->u, &options, m->x, &m->last);
-    m->report->iterations += m->last.iterations;
-    return status;
-}
-
-/* From the input's map, which is valid, to the integers in small steps, so that nothing is ever far from valid and no edge is wound around too often. */
-static bw_status march(maker *m) {
-    double far = 0, stride = 0.25, since = bw_seconds_now();
-    double *kept = bw_alloc(m->ctx, m->f->variable_count, sizeof *kept);
-    bw_status status = m->ctx->error.status;
-    for (size_t v = 0; v < m->f->variable_count && status == BW_OK; v++)
-        m->x[v] = m->unit * m->f->tet[m->f->reference[v][0] / 4].p[m->f->reference[v][0] % 4][m->f->reference[v][1]];
-    while (far < 1 && stride > STRIDE_LEAST && status == BW_OK) {
-        double next = fmin(1, far + stride);
-        memcpy(kept, m->x, m->f->variable_count * sizeof *kept);
-        if ((status = advance(m, far, next))) break;
-        if (m->last.inverted) {
-            memcpy(m->x, kept, m->f->variable_count * sizeof *kept);
-            stride *= 0.5;
-        } else {
-            far = next;
-        }
-    }
-    if (status == BW_OK && far < 1) status = advance(m, far, 1);
-    set_constants(m, 1);
-    m->report->inverted = m->last.inverted;
-    m->report->seconds_untangle += bw_seconds_now() - since;
-    if (status == BW_OK) bw_frame_write(m->f, m->x);
-    bw_free(m->ctx, kept);
-    return status;
-}
-
-/* Splits around what is inverted, and goes on from where the map was. */
-static bw_status refine(maker *m, size_t *count) {
+/* Splits around what is inverted, and goes on from where the map was: with a small eps, for nearly all is well. */
+static bw_status refine(maker *m) {
+    size_t count = 0;
     uint8_t *marked = bw_alloc(m->ctx, m->f->tet_count, 1);
     bw_status status = m->ctx->error.status;
     for (size_t t = 0; t < m->f->tet_count && status == BW_OK; t++) marked[t] = !(bw_untangle_volume(&m->tet[t], m->x) > 0);
-    if (status == BW_OK) status = bw_frame_split(m->ctx, m->f, marked, count);
+    if (status == BW_OK) status = bw_frame_split(m->ctx, m->f, marked, &count);
     bw_free(m->ctx, marked);
-    m->report->splits += *count;
+    m->report->splits += count;
     m->report->refinements++;
-    if (status == BW_OK) status = pose(m);
-    if (status == BW_OK) bw_frame_read(m->f, m->x);
-    return status;
+    if (status == BW_OK) status = pose(m, SHAPE_BLOCKS);
+    if (status == BW_OK) status = untangle(m, 1, untangling.polish);
+    return status == BW_OK ? conclude(m) : status;
 }
 
 /* Splits around edges that the map winds around too often: what is around them is held, else they would not. A new start is needed, for such a map has no inverted tet. */
@@ -251,55 +208,47 @@ static bw_status unwind(maker *m) {
     return status;
 }
 
-/* A start and untangling, for each way of measuring shapes, and a march; the frame keeps the better result. */
+/* Least squares and untangling, starting near the input's Jacobians and near those of stretched blocks; the frame keeps the better result. */
 static bw_status start(maker *m) {
     double (*u)[4][3] = bw_alloc(m->ctx, m->f->tet_count, sizeof *u);
     bw_status status = m->ctx->error.status;
     size_t fewest = SIZE_MAX; /* inverted tets; a map that winds too often is worse than any */
-    shape best = SHAPE_MAP;
-    for (int attempt = 0; attempt < ATTEMPTS && !m->report->valid && status == BW_OK; attempt++) {
-        m->against = attempt == 1 ? SHAPE_SPACE : SHAPE_MAP;
-        m->report->restarts = attempt;
-        status = pose(m);
-        if (status == BW_OK && attempt < 2) status = fit(m);
-        if (status == BW_OK) status = attempt < 2 ? untangle(m) : march(m);
-        if (status == BW_OK) status = conclude(m);
-        if (status != BW_OK) break;
-        if (m->report->valid || (m->last.inverted && m->last.inverted < fewest)) {
-            fewest = m->last.inverted, best = m->against;
+    static const shape near[] = {SHAPE_MAP, SHAPE_BLOCKS};
+    for (int i = 0; i < SHAPES && !m->report->valid && m->left >= 1 && status == BW_OK; i++) {
+        m->report->restarts = i;
+        if ((status = pose(m, SHAPE_BLOCKS)) || (status = fit(m, near[i])) || (status = untangle(m, 0, untangling.polish)) || (status = conclude(m))) break;
+        if (m->last.inverted && m->last.inverted < fewest) {
+            fewest = m->last.inverted;
             for (size_t t = 0; t < m->f->tet_count; t++) memcpy(u[t], m->f->tet[t].u, sizeof u[t]);
         }
-        bw_progress(m->ctx, 0.2 * (attempt + 1));
+        bw_progress(m->ctx, 0.3 * (i + 1));
     }
-    if (fewest < SIZE_MAX) m->report->inverted_untangled = m->report->inverted = fewest;
-    if (status == BW_OK && m->against != best && fewest < SIZE_MAX) {
-        m->against = best;
+    if (status == BW_OK && !m->report->valid && fewest < SIZE_MAX) {
+        m->report->inverted_untangled = m->report->inverted = m->last.inverted = fewest;
         for (size_t t = 0; t < m->f->tet_count; t++) memcpy(m->f->tet[t].u, u[t], sizeof u[t]);
-        status = pose(m);
-        if (status == BW_OK) bw_frame_read(m->f, m->x);
+        status = pose(m, SHAPE_BLOCKS);
     }
     bw_free(m->ctx, u);
     return status;
 }
 
-bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame, bw_igm *igm, bw_parametrize_report *report) {
-    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .igm = igm, .report = report};
+bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame, int max_work, bw_igm *igm, bw_parametrize_report *report) {
+    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .igm = igm, .report = report, .left = max_work, .tets_before = frame->tet_count};
     *report = (bw_parametrize_report){0};
     memset(igm, 0, sizeof *igm);
     set_units(&m);
     bw_status status = start(&m);
-    for (int i = 0; i < UNWINDINGS && m.wound && !report->valid && status == BW_OK; i++) {
-        status = unwind(&m);
-        if (status == BW_OK) status = start(&m);
-    }
-    size_t hopeless = 10 * report->inverted + 50;
-    for (int i = 0; i < REFINEMENTS && report->inverted && report->inverted < hopeless && status == BW_OK; i++) {
-        size_t count = 0;
-        status = refine(&m, &count);
-        if (status == BW_OK) status = untangle(&m);
-        if (status == BW_OK) status = conclude(&m);
+    size_t hopeless = 10 * m.last.inverted + 50;
+    for (int i = 0; i < REFINEMENTS && !report->valid && m.last.inverted < hopeless && m.left >= 1 && status == BW_OK; i++) {
+        if (m.last.inverted) {
+            status = refine(&m);
+        } else {
+            status = unwind(&m);
+            if (status == BW_OK) status = start(&m);
+        }
         bw_progress(ctx, 0.6 + 0.3 * (i + 1) / REFINEMENTS);
     }
+    report->limited = !report->valid && m.left < 1;
     report->tets = frame->tet_count;
     release(&m);
     bw_free(ctx, m.wound);

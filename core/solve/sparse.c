@@ -18,11 +18,8 @@ struct bw_sparse {
 
 /* The library takes memory by itself: what it holds is counted as the job's. */
 static bw_status charge(bw_context *ctx, bw_sparse *s) {
-    bw_memory *m = &ctx->memory;
-    m->used += s->common.memory_inuse - s->charged;
-    s->charged = s->common.memory_inuse;
-    if (m->used > m->peak) m->peak = m->used;
-    if (s->common.status == CHOLMOD_OUT_OF_MEMORY || (m->limit && m->used > m->limit))
+    if (bw_charge(ctx, &s->charged, s->common.memory_inuse)) return ctx->error.status;
+    if (s->common.status == CHOLMOD_OUT_OF_MEMORY)
         return bw_fail(ctx, BW_E_MEMORY, "no memory for a sparse factorization");
     return s->common.status < 0 ? bw_fail(ctx, BW_E_INTERNAL, "the sparse solver failed with status %d", s->common.status) : BW_OK;
 }
@@ -34,7 +31,7 @@ void bw_sparse_free(bw_context *ctx, bw_sparse *s) {
     cholmod_dense **dense[] = {&s->right, &s->solved, &s->work[0], &s->work[1]};
     for (size_t i = 0; i < sizeof dense / sizeof *dense; i++) cholmod_free_dense(dense[i], &s->common);
     cholmod_finish(&s->common);
-    ctx->memory.used -= s->charged;
+    bw_charge(ctx, &s->charged, 0);
     bw_free(ctx, s->slot);
     bw_free(ctx, s->diagonal);
     bw_free(ctx, s);

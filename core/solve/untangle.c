@@ -10,6 +10,7 @@
 enum { LEAST_RANGE = 512 }; /* tets that are worth a thread */
 
 #define SHIFT 1e-9       /* on the diagonal: vertices that nothing holds stay where they are */
+#define LEAST_EPSILON 1e-8
 #define FLOOR 0.02       /* eps is at least this part of the most negative determinant */
 #define ENOUGH 1e-4      /* part of the predicted gain that a step has to bring */
 enum { HALVINGS = 40, FAILURES = 6 };
@@ -265,7 +266,7 @@ static double lower(double epsilon, double least, double before, double after) {
 static bw_status descend(bw_context *ctx, bw_untangler *u, const bw_untangle_options *options, double *x, bw_untangle_report *report) {
     size_t fewest = report->inverted;
     int waited = 0, failures = 0;
-    u->epsilon = fmax(1, -FLOOR * report->smallest);
+    u->epsilon = options->from > 0 ? fmax(-options->from * report->smallest, LEAST_EPSILON) : fmax(1, -FLOOR * report->smallest);
     while (report->inverted && report->rounds < options->rounds && waited < options->patience && failures < FAILURES) {
         double before, after;
         if (take_step(ctx, u, x, &before, &after)) return ctx->error.status;

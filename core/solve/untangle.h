@@ -25,6 +25,7 @@ typedef struct {
     int rounds;     /* Newton steps at most while tets are not positive */
     int patience;   /* ... and without removing one */
     int polish;     /* steps at most afterwards */
+    double from;    /* the first eps is this part of the most negative determinant; 0: 1, for a start far from valid */
     double settled; /* stop when such a step gains less than this part of the energy */
 } bw_untangle_options;
 

@@ -220,6 +220,8 @@ static bw_status find_block_map(encoder *e, bw_cells *cells, bw_igm *own) {
     e->ctx->memory = apart.memory;
     if (status == BW_OK) e->igm = own;
     if (status == BW_E_LIMIT || status == BW_E_RANGE || status == BW_E_MEMORY) {
+        char *why = e->report->quality.integer_grid_omitted;
+        snprintf(why, sizeof e->report->quality.integer_grid_omitted, "%.230s", apart.error.message);
         bw_log(e->ctx, "no integer_grid.hexex: %s", apart.error.message);
         return BW_OK;
     }
@@ -290,6 +292,7 @@ bw_status bw_encode(bw_context *ctx, const bw_tet_mesh *mesh, const bw_grid_map 
     encoder e = {.ctx = ctx, .cells = cells, .complex = complex, .length = length, .igm = options->igm, .hex = hex ? hex : options->source, .source = options->source, .source_vertex = options->source_vertex,
                  .report = report, .folder = out_dir, .bwh_bits = options->bwh_bits};
     bw_igm own = {0};
+    report->quality.integer_grid_omitted[0] = 0;
     bw_status status = prepare(&e, cells);
     if (status == BW_OK && hex && length && !e.igm && is_positive(&e)) status = find_block_map(&e, cells, &own);
     if (status == BW_OK) status = write_result(&e, "traced.hexex", write_traced);

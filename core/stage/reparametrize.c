@@ -35,6 +35,8 @@ static void report_map(job *j, const bw_parametrize_report *r) {
     j->report->reparametrize.restarts = (uint64_t)r->restarts;
     j->report->reparametrize.refinements = (uint64_t)r->refinements;
     j->report->reparametrize.splits = r->splits;
+    j->report->reparametrize.work += r->work;
+    j->report->reparametrize.limited = r->limited;
     j->report->reparametrize.tets = r->tets;
     j->report->reparametrize.distortion_mean = r->distortion_mean;
     j->report->reparametrize.distortion_max = r->distortion_max;
@@ -55,7 +57,7 @@ static bw_status try_map(job *j) {
     if (status == BW_OK) status = bw_frame_init(j->ctx, &atlas, &frame);
     if (status == BW_OK) status = bw_frame_check(j->ctx, &frame);
     j->report->reparametrize.seconds_frame += bw_seconds_now() - since;
-    if (status == BW_OK) status = bw_parametrize(j->ctx, &atlas, &frame, j->igm, &found);
+    if (status == BW_OK) status = bw_parametrize(j->ctx, &atlas, &frame, j->options->max_work, j->igm, &found);
     if (status == BW_OK) {
         report_map(j, &found);
         j->valid = found.valid;
@@ -107,6 +109,7 @@ static void explain_inverted(job *j) {
     unsigned long long inverted = j->report->reparametrize.inverted;
     if (inverted) snprintf(what, sizeof what, "%llu of %llu tets stay inverted", inverted, (unsigned long long)j->report->reparametrize.tets);
     else snprintf(what, sizeof what, "the map winds around an edge too often, or cannot be rounded");
+    if (j->report->reparametrize.limited) strcat(what, ", at the limit of work");
     explain(j, what);
 }
 

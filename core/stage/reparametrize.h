@@ -19,6 +19,7 @@ typedef bw_status bw_requantize(bw_context *ctx, void *user, bool positive, uint
 
 typedef struct {
     bw_igm_route route;
+    int max_work; /* for the map of one quantization: see bw_parametrize */
     bw_requantize *requantize;
     void *user;
 } bw_reparametrize_options;
