@@ -125,7 +125,7 @@ static bw_status fit(maker *m, shape wanted) {
     size_t fewest = SIZE_MAX, inverted = 1;
     int round = 0;
     for (size_t t = 0; t < m->f->tet_count; t++) set_target(m, t, wanted);
-    for (; round < STIFFENINGS && inverted && status == BW_OK; round++) {
+    for (int rounds = affordable(m, STIFFENINGS); (round < rounds || !round) && inverted && status == BW_OK; round++) {
         if ((status = bw_poll(m->ctx)) || (status = bw_untangler_fit(m->ctx, m->u, m->weight, (const double(*)[3][3])m->target, m->x))) break;
         spend(m, 1);
         inverted = count_inverted(m);

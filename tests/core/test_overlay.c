@@ -8,6 +8,7 @@
 #include "hex/blockfill.h"
 #include "hex/extract.h"
 #include "igm/overlay.h"
+#include "igm/overlay_points.h"
 
 static double now(void) {
     struct timespec t;
@@ -135,6 +136,63 @@ static void limits_and_failing_allocations_leave_nothing(void **state) {
 }
 
 /* Features of a refined mesh are parts of those of the mesh: as long, as large, as many. */
+static size_t of_gmp; /* bytes that GMP holds */
+
+static void *gmp_new(size_t size) {
+    of_gmp += size;
+    return malloc(size);
+}
+
+static void *gmp_resize(void *block, size_t before, size_t size) {
+    of_gmp += size - before;
+    return realloc(block, size);
+}
+
+static void gmp_free(void *block, size_t size) {
+    of_gmp -= size;
+    free(block);
+}
+
+/* What GMP takes for exact points counts as the job's memory, and against its limit. */
+static void exact_numbers_count_as_the_jobs_memory(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_exact_points points = {0};
+    mpq_t x[3];
+    mp_set_memory_functions(gmp_new, gmp_resize, gmp_free);
+    of_gmp = 0;
+    bw_context_init(&ctx);
+    mpq_inits(x[0], x[1], x[2], NULL);
+    for (int round = 0; round < 2; round++) { /* the second takes the numbers of the first */
+        for (long i = 1; i <= 5000; i++) {
+            int32_t at;
+            for (int k = 0; k < 3; k++) {
+                mpz_ui_pow_ui(mpq_numref(x[k]), 3, (unsigned long)(i % 200 + 50 * round));
+                mpz_mul_si(mpq_numref(x[k]), mpq_numref(x[k]), i + k);
+                mpz_ui_pow_ui(mpq_denref(x[k]), 2, (unsigned long)i % 300);
+                mpq_canonicalize(x[k]);
+            }
+            kit_expect_ok(&ctx, bw_exact_points_find(&ctx, &points, round, (const mpq_t *)x, &at));
+        }
+        size_t own = points.room * sizeof *points.point + points.slots * sizeof *points.slot, counted = ctx.memory.used - own;
+        if (counted < of_gmp || counted > 3 * of_gmp) fail_msg("%zu bytes counted, %zu of GMP", counted, of_gmp);
+        bw_exact_points_empty(&points);
+    }
+    ctx.memory.limit = ctx.memory.used + 1000;
+    bw_status status = BW_OK;
+    for (long i = 1; i <= 5000 && status == BW_OK; i++) {
+        int32_t at;
+        mpz_ui_pow_ui(mpq_numref(x[0]), 5, 2000), mpz_add_ui(mpq_numref(x[0]), mpq_numref(x[0]), (unsigned long)i);
+        status = bw_exact_points_find(&ctx, &points, 2, (const mpq_t *)x, &at);
+    }
+    assert_int_equal(status, BW_E_MEMORY);
+    mpq_clears(x[0], x[1], x[2], NULL);
+    bw_exact_points_clear(&ctx, &points);
+    assert_int_equal(ctx.memory.used, 0);
+    assert_int_equal(of_gmp, 0);
+    mp_set_memory_functions(NULL, NULL, NULL);
+}
+
 static void features_are_carried_over(void **state) {
     (void)state;
     quantizable q;
@@ -225,6 +283,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(sample_models_have_refined_maps),
     cmocka_unit_test(flat_manifolds_have_refined_maps),
     cmocka_unit_test(limits_and_failing_allocations_leave_nothing),
+    cmocka_unit_test(exact_numbers_count_as_the_jobs_memory),
     cmocka_unit_test(features_are_carried_over),
     cmocka_unit_test(an_independent_reader_agrees),
     cmocka_unit_test(shared_models_have_refined_maps),
