@@ -26,7 +26,7 @@ typedef enum {
     BW_STAGE_COUNT
 } bw_stage;
 
-enum { BW_OPTION_SCALES = 64 };
+enum { BW_OPTION_SCALES = 64, BW_OPTION_WEIGHTS = 4 };
 
 typedef struct {
     bw_input_kind kind;  /* an input of the other kind is BW_E_KIND */
@@ -34,6 +34,14 @@ typedef struct {
     bw_reduce_mode reduce;
     bw_self_adjacent self_adjacent;
     int effort;          /* 0..3: how long reduce searches for fewer blocks; 0 is the paper's order only */
+    bw_explore_method explore; /* reduce starts from the base complex with the walls that this leaves */
+    bw_explore_cost explore_cost;
+    double explore_weights[BW_OPTION_WEIGHTS]; /* for BW_EXPLORE_WEIGHTED: of blocks, bits, bits by block, cubes */
+    bw_explore_expand explore_expand;
+    int beam;              /* 1..1000000: states of a level of the enumeration that are expanded */
+    uint64_t seed;         /* of all that is left to chance there */
+    uint64_t explore_work; /* most evaluations */
+    double explore_time;   /* most seconds; 0: no limit. A search cut by it is the only one that may come out different again */
     bw_quantize_range quantize;
     double scale;          /* size of the quantization: arcs as long as scale times their length in the map; 0: the coarsest */
     bool fewest_hexes;     /* instead of scale: as few hexes as there can be */

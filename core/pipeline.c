@@ -13,6 +13,7 @@
 #include "hex/trivial.h"
 #include "stage/build.h"
 #include "stage/encode.h"
+#include "stage/explore.h"
 #include "stage/extract.h"
 #include "stage/extract_finish.h"
 #include "stage/quantize.h"
@@ -25,6 +26,9 @@
 static const char *const kind_names[] = {"auto", "tet", "hex"};
 static const char *const complex_names[] = {"mc", "bc", "serial"};
 static const char *const reduce_names[] = {"none", "keep-singular", "full"};
+static const char *const explore_names[] = {"none", "auto", "enumerate", "swap", "enumerate+swap", "anneal", "exact"};
+static const char *const explore_cost_names[] = {"blocks", "bits", "bits-by-block", "cubes", "weighted"};
+static const char *const explore_expand_names[] = {"random", "cheapest"};
 static const char *const self_adjacent_names[] = {"allow", "split"};
 
 /* ---- the stages ---------------------------------------------------------------------------------------------------- */
@@ -107,6 +111,12 @@ typedef struct {
     bw_reduce_report found;
 } alternative;
 
+static bw_status make_base_complex(bw_context *ctx, bw_state *state, const bw_build_options *how, bw_cells *cells, bw_complex *complex) {
+    bw_status status = bw_cells_init(ctx, cells, &state->mesh, &state->map);
+    if (status == BW_OK) status = bw_trace(ctx, cells, BW_COMPLEX_BC, how->max_cells);
+    return status == BW_OK ? bw_build_complex(ctx, cells, how, complex) : status;
+}
+
 /* Reduction from the base complex (MC 4.2, remark) sometimes ends with fewer blocks than from the motorcycle complex. It may be far larger, so
  * it is given a few times the cells; if that is not enough there is no alternative, which is no failure of the job. */
 static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw_state *state, const bw_reduce_options *how,
@@ -114,10 +124,7 @@ static bw_status try_base_complex(bw_context *ctx, const bw_options *options, bw
     bw_context apart = *ctx; /* its own error; the same budget, handed back below */
     uint64_t limit = 8 * (uint64_t)state->cells.cell_count - state->mesh.tet_count; /* all that are not there before the first cut */
     if (limit > options->max_cells) limit = options->max_cells;
-    bw_build_options build = {limit, how->split_self_adjacent};
-    bw_status status = bw_cells_init(&apart, &other->cells, &state->mesh, &state->map);
-    if (status == BW_OK) status = bw_trace(&apart, &other->cells, BW_COMPLEX_BC, limit);
-    if (status == BW_OK) status = bw_build_complex(&apart, &other->cells, &build, &other->complex);
+    bw_status status = make_base_complex(&apart, state, &(bw_build_options){limit, how->split_self_adjacent}, &other->cells, &other->complex);
     if (status == BW_OK) status = bw_reduce(&apart, &other->cells, &other->complex, how, &other->found);
     if (status == BW_OK) status = bw_cells_check(&apart, &other->cells);
     ctx->memory = apart.memory;
@@ -143,15 +150,64 @@ static bw_status take_if_better(bw_context *ctx, const bw_options *options, bw_s
     return status == BW_E_LIMIT ? BW_OK : status;
 }
 
+/* ---- exploration --------------------------------------------------------------------------------------------------- */
+
+static bw_explore_choice choice_of(const bw_options *o) {
+    bw_explore_choice c = {.method = o->explore, .beam = (size_t)o->beam, .expand = o->explore_expand, .seed = o->seed, .work = o->explore_work, .seconds = o->explore_time,
+                           .retract = o->reduce != BW_REDUCE_NONE};
+    for (int i = 0; i < BW_COST_TERMS; i++) c.weight[i] = o->explore_cost == BW_EXPLORE_WEIGHTED ? o->explore_weights[i] : (int)o->explore_cost == i;
+    return c;
+}
+
+static void report_exploration(bw_report *report, const bw_options *o, const bw_explore_choice *c, const bw_explore_found *found) {
+    static const char *const cuts[] = {"no", "time", "memory", "finish"};
+    report->has_exploration = true;
+    snprintf(report->exploration.method, sizeof report->exploration.method, "%s", explore_names[o->explore]);
+    snprintf(report->exploration.cost, sizeof report->exploration.cost, "%s", explore_cost_names[o->explore_cost]);
+    snprintf(report->exploration.expand, sizeof report->exploration.expand, "%s", explore_expand_names[o->explore_expand]);
+    snprintf(report->exploration.cut, sizeof report->exploration.cut, "%s", cuts[found->cut]);
+    bw_cost_print(c->weight, report->exploration.weights);
+    report->exploration.beam = c->beam, report->exploration.seed = c->seed, report->exploration.work = c->work;
+    report->exploration.lines = found->lines, report->exploration.sheets = found->sheets, report->exploration.links = found->links;
+    report->exploration.crossings = found->crossings, report->exploration.crossings_open = found->crossings_open;
+    report->exploration.components = found->components, report->exploration.variable_patches = found->variable_patches;
+    report->exploration.start = found->start, report->exploration.serial = found->serial, report->exploration.best = found->best;
+    report->exploration.start_blocks = found->start_blocks, report->exploration.serial_blocks = found->serial_blocks;
+    report->exploration.best_blocks = found->best_blocks;
+    report->exploration.evaluations = found->evaluations, report->exploration.improved_at = found->improved;
+    report->exploration.proven = found->proven, report->exploration.seconds = found->seconds;
+    report->exploration.component_count = found->listed;
+    memcpy(report->exploration.component, found->component, sizeof found->component);
+}
+
+/* Explores the base complex, which takes the place of what was traced if that is another. */
+static bw_status run_explore(bw_context *ctx, const bw_options *options, bw_state *state) {
+    bw_explore_choice choice = choice_of(options);
+    bw_explore_found found;
+    bw_status status = BW_OK;
+    if (options->complex != BW_COMPLEX_BC) {
+        bw_complex_clear(ctx, &state->complex);
+        bw_cells_clear(ctx, &state->cells);
+        status = make_base_complex(ctx, state, &(bw_build_options){options->max_cells, false}, &state->cells, &state->complex);
+    }
+    if (status == BW_OK && state->has_source) status = bw_trivial_label(ctx, &state->cells, &state->complex, &state->source);
+    if (status == BW_OK) status = bw_explore_complex(ctx, &state->cells, &state->complex, state->has_source ? &state->source : NULL, &choice, &found);
+    if (status == BW_OK) report_exploration(&state->report, options, &choice, &found);
+    return status;
+}
+
+/* ---- reduction ----------------------------------------------------------------------------------------------------- */
+
 static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
     bw_reduce_options how = {options->reduce, options->self_adjacent == BW_SELF_ADJACENT_SPLIT, options->effort};
-    bw_reduce_report found;
-    bool from_base = false;
-    bw_status status = bw_reduce(ctx, &state->cells, &state->complex, &how, &found);
-    if (status != BW_OK || options->reduce == BW_REDUCE_NONE) return status;
-    if (options->effort >= 2 && options->complex == BW_COMPLEX_MC)
-        status = take_if_better(ctx, options, state, &how, &found, &from_base);
+    bw_reduce_report found = {0};
+    bool explored = options->explore != BW_EXPLORE_NONE, from_base = explored;
+    bw_status status = explored ? run_explore(ctx, options, state) : BW_OK;
+    if (explored && options->explore_cost != BW_EXPLORE_BLOCKS) how.mode = BW_REDUCE_NONE; /* fewer blocks may cost more; exploration took away what did not */
+    if (status == BW_OK) status = bw_reduce(ctx, &state->cells, &state->complex, &how, &found);
+    if (status != BW_OK || (options->reduce == BW_REDUCE_NONE && !explored)) return status;
+    if (!explored && options->effort >= 2 && options->complex == BW_COMPLEX_MC) status = take_if_better(ctx, options, state, &how, &found, &from_base);
     if (status != BW_OK) return status;
     if (from_base) bw_report_fill_trace(&state->report, &state->cells);
     else bw_report_fill_walls(&state->report, &state->cells);
@@ -166,6 +222,7 @@ static bw_status run_reduce(bw_context *ctx, const bw_options *options, bw_state
 }
 
 _Static_assert((int)BW_OPTION_SCALES == (int)BW_SCALES_MAX, "the report has a row for each scale");
+_Static_assert((int)BW_OPTION_WEIGHTS == (int)BW_COST_TERMS && (int)BW_EXPLORE_CUBES == (int)BW_COST_CUBES, "there is a weight for each cost");
 
 static bw_status run_quantize(bw_context *ctx, const bw_options *options, bw_state *state, const char *out) {
     (void)out;
@@ -232,7 +289,7 @@ static const struct {
     [BW_STAGE_SANITIZE] = {"sanitize", 6, run_sanitize},
     [BW_STAGE_TRACE] = {"trace", 9, run_trace},
     [BW_STAGE_BUILD] = {"build", 10, run_build},
-    [BW_STAGE_REDUCE] = {"reduce", 7, run_reduce},
+    [BW_STAGE_REDUCE] = {"reduce", 8, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 10, run_quantize},
     [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 3, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 7, run_extract},
@@ -257,7 +314,7 @@ bw_status bw_stage_from_name(const char *name, bw_stage *stage) {
 /* ---- options ------------------------------------------------------------------------------------------------------- */
 
 void bw_options_defaults(bw_options *options) {
-    *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
+    *options = (bw_options){.complex = BW_COMPLEX_MC, .reduce = BW_REDUCE_KEEP_SINGULAR, .effort = 1, .beam = 500, .seed = 1, .explore_work = 200000, .explore_time = 60, .until = BW_STAGE_ENCODE, .tolerance = 1e-4, .max_cells = 4000000,
                             .scale = 1, .time_limit = 10, .subdivide = 1, .smooth = true, .max_hexes = 10000000, .max_map_work = 400,
                             .hex_formats = 1u << BW_HEX_FORMAT_MESH | 1u << BW_HEX_FORMAT_VTU | 1u << BW_HEX_FORMAT_BWH};
 }
@@ -292,6 +349,69 @@ static bw_status set_hex_formats(bw_context *ctx, bw_options *o, const json_t *v
         if (good) o->hex_formats |= 1u << format;
     }
     return good ? BW_OK : bw_fail(ctx, BW_E_USAGE, "option hex_formats is a list of names out of mesh, vtk, vtu, msh, ovm, inp, cgns, bwh");
+}
+
+static bw_status set_weights(bw_context *ctx, bw_options *o, const json_t *value) {
+    bool good = json_is_array(value) && json_array_size(value) <= BW_OPTION_WEIGHTS;
+    memset(o->explore_weights, 0, sizeof o->explore_weights);
+    for (size_t i = 0; good && i < json_array_size(value); i++) {
+        o->explore_weights[i] = json_number_value(json_array_get(value, i));
+        good = json_is_number(json_array_get(value, i)) && o->explore_weights[i] >= 0 && o->explore_weights[i] <= 1000;
+    }
+    return good ? BW_OK : bw_fail(ctx, BW_E_USAGE, "option explore_weights is a list of up to %d numbers from 0 to 1000", BW_OPTION_WEIGHTS);
+}
+
+static bw_status set_explore(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
+    json_int_t number = json_integer_value(value);
+    int i;
+    if (!strcmp(name, "explore")) {
+        if ((i = choice(value, explore_names, 7)) < 0)
+            return bw_fail(ctx, BW_E_USAGE, "option explore is \"none\", \"auto\", \"enumerate\", \"swap\", \"enumerate+swap\", \"anneal\" or \"exact\"");
+        o->explore = (bw_explore_method)i;
+    } else if (!strcmp(name, "explore_cost")) {
+        if ((i = choice(value, explore_cost_names, 5)) < 0)
+            return bw_fail(ctx, BW_E_USAGE, "option explore_cost is \"blocks\", \"bits\", \"bits-by-block\", \"cubes\" or \"weighted\"");
+        o->explore_cost = (bw_explore_cost)i;
+    } else if (!strcmp(name, "explore_weights")) {
+        return set_weights(ctx, o, value);
+    } else if (!strcmp(name, "explore_expand")) {
+        if ((i = choice(value, explore_expand_names, 2)) < 0) return bw_fail(ctx, BW_E_USAGE, "option explore_expand is \"random\" or \"cheapest\"");
+        o->explore_expand = (bw_explore_expand)i;
+    } else if (!strcmp(name, "beam")) {
+        if (!json_is_integer(value) || number < 1 || number > 1000000) return bw_fail(ctx, BW_E_USAGE, "option beam is an integer from 1 to 1000000");
+        o->beam = (int)number;
+    } else if (!strcmp(name, "seed")) {
+        if (!json_is_integer(value) || number < 1 || number > 1000000000) return bw_fail(ctx, BW_E_USAGE, "option seed is an integer from 1 to 1000000000");
+        o->seed = (uint64_t)number;
+    } else if (!strcmp(name, "explore_work")) {
+        if (!json_is_integer(value) || number < 1 || number > 1000000000) return bw_fail(ctx, BW_E_USAGE, "option explore_work is an integer from 1 to 1000000000");
+        o->explore_work = (uint64_t)number;
+    } else {
+        o->explore_time = json_number_value(value);
+        if (!json_is_number(value) || !(o->explore_time >= 0 && o->explore_time <= 3600))
+            return bw_fail(ctx, BW_E_USAGE, "option explore_time is a number of seconds from 0 to 3600");
+    }
+    return BW_OK;
+}
+
+static bool is_of_explore(const char *name) {
+    static const char *const names[] = {"explore", "explore_cost", "explore_weights", "explore_expand", "explore_work", "explore_time", "beam", "seed"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!strcmp(name, names[i])) return true;
+    return false;
+}
+
+/* What two options together cannot mean. */
+static bw_status check_options(bw_context *ctx, const bw_options *o) {
+    double weights = 0;
+    for (int i = 0; i < BW_OPTION_WEIGHTS; i++) weights += o->explore_weights[i];
+    if (o->fewest_hexes && o->target_hexes) return bw_fail(ctx, BW_E_USAGE, "options fewest_hexes and target_hexes are two sizes, a job has one");
+    if (o->explore == BW_EXPLORE_NONE) return BW_OK;
+    if (o->self_adjacent == BW_SELF_ADJACENT_SPLIT) return bw_fail(ctx, BW_E_USAGE, "option explore makes blocks that may touch themselves, so self_adjacent cannot be \"split\"");
+    if (o->explore_cost == BW_EXPLORE_WEIGHTED && weights < 1e-3) return bw_fail(ctx, BW_E_USAGE, "option explore_cost \"weighted\" wants explore_weights that add up to 0.001 at least");
+    if (o->explore_cost != BW_EXPLORE_BLOCKS && o->reduce == BW_REDUCE_FULL)
+        return bw_fail(ctx, BW_E_USAGE, "option reduce \"full\" is for fewest blocks, so explore_cost has to be \"blocks\" beside it");
+    return BW_OK;
 }
 
 static bw_status set_quantize(bw_context *ctx, bw_options *o, const char *name, const json_t *value) {
@@ -392,6 +512,8 @@ static bw_status set_option(bw_context *ctx, bw_options *o, const char *name, co
         if (!json_is_integer(value) || json_integer_value(value) < 1)
             return bw_fail(ctx, BW_E_USAGE, "option max_cells is a positive integer");
         o->max_cells = (uint64_t)json_integer_value(value);
+    } else if (is_of_explore(name)) {
+        return set_explore(ctx, o, name, value);
     } else {
         return set_quantize(ctx, o, name, value);
     }
@@ -410,8 +532,7 @@ bw_status bw_options_from_json(bw_context *ctx, bw_options *options, const char 
         json_object_foreach(root, name, value) {
             if (status == BW_OK) status = set_option(ctx, options, name, value);
         }
-        if (status == BW_OK && options->fewest_hexes && options->target_hexes)
-            status = bw_fail(ctx, BW_E_USAGE, "options fewest_hexes and target_hexes are two sizes, a job has one");
+        if (status == BW_OK) status = check_options(ctx, options);
     }
     json_decref(root);
     return status;

@@ -33,16 +33,22 @@ static const char *conflict(const cli_job_options *o) {
     if ((!o->quantize || !strcmp(o->quantize, "none")) &&
         (sizes || o->scales || o->rounding || o->time_limit > 0 || o->route || o->max_map_work > 0 || o->subdivide > 0 || o->max_hexes > 0 || o->smooth))
         return "a size, limit, route, subdivision, smoothing or rounding beside a quantization wants --quantize positive, nonnegative or any";
+    bool explored = o->explore && strcmp(o->explore, "none");
+    if (!explored && (o->explore_cost || o->explore_weights || o->explore_expand || o->beam > 0 || o->seed > 0 || o->explore_work > 0 || o->explore_time > 0))
+        return "a cost, weights, beam, seed, work or time of exploration wants --explore";
+    if ((o->explore_weights != NULL) != (o->explore_cost && !strcmp(o->explore_cost, "weighted"))) return "--explore-cost weighted and --explore-weights want each other";
     return NULL;
 }
 
 json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     json_t *json = json_object(), *scales = o->scales ? numbers(o->scales) : NULL;
+    json_t *weights = o->explore_weights ? numbers(o->explore_weights) : NULL;
     const char *wrong = conflict(o);
     if (!wrong && o->scales && !scales) wrong = "--scales wants numbers with commas between them";
+    if (!wrong && o->explore_weights && !weights) wrong = "--explore-weights wants numbers with commas between them";
     if (wrong) {
         *problem = wrong;
-        json_decref(json), json_decref(scales);
+        json_decref(json), json_decref(scales), json_decref(weights);
         return NULL;
     }
     if (o->kind) json_object_set_new(json, "kind", json_string(o->kind));
@@ -50,6 +56,14 @@ json_t *cli_job_options_json(const cli_job_options *o, const char **problem) {
     if (o->reduce) json_object_set_new(json, "reduce", json_string(o->reduce));
     if (o->self_adjacent) json_object_set_new(json, "self_adjacent", json_string(o->self_adjacent));
     if (o->effort) json_object_set_new(json, "effort", json_integer(o->effort[0] - '0'));
+    if (o->explore) json_object_set_new(json, "explore", json_string(o->explore));
+    if (o->explore_cost) json_object_set_new(json, "explore_cost", json_string(o->explore_cost));
+    if (weights) json_object_set_new(json, "explore_weights", weights);
+    if (o->explore_expand) json_object_set_new(json, "explore_expand", json_string(o->explore_expand));
+    if (o->beam > 0) json_object_set_new(json, "beam", json_integer(o->beam));
+    if (o->seed > 0) json_object_set_new(json, "seed", json_integer(o->seed));
+    if (o->explore_work > 0) json_object_set_new(json, "explore_work", json_integer(o->explore_work));
+    if (o->explore_time > 0) json_object_set_new(json, "explore_time", json_real(o->explore_time));
     if (o->quantize) json_object_set_new(json, "quantize", json_string(o->quantize));
     if (o->scale > 0 || o->coarsest) json_object_set_new(json, "scale", json_real(o->scale));
     if (o->fewest_hexes) json_object_set_new(json, "fewest_hexes", json_true());

@@ -11,6 +11,10 @@
 typedef struct {
     const char *kind, *complex, *reduce, *self_adjacent, *until; /* NULL: not given */
     const char *effort;          /* a digit; NULL: not given */
+    const char *explore, *explore_cost, *explore_expand; /* NULL: not given */
+    const char *explore_weights; /* numbers between commas; NULL: not given */
+    int64_t beam, seed, explore_work; /* 0: not given */
+    double explore_time;         /* 0: not given */
     double tolerance;            /* 0: not given */
     int64_t max_cells, max_map_work, subdivide, max_hexes, bwh_bits; /* 0: not given */
     const char *quantize, *route, *smooth; /* NULL: not given */
@@ -34,6 +38,22 @@ typedef struct {
      "walls taken away: none, all but those at singular arcs (default), or any", 0, 0},                      \
     {"effort", 0, CLI_CHOICE, offsetof(settings, job.effort), "0|1|2|3",                                     \
      "how long to search for fewer blocks (default 1)", 0, 0},                                               \
+    {"explore", 0, CLI_CHOICE, offsetof(settings, job.explore), "none|auto|enumerate|swap|enumerate+swap|anneal|exact",                      \
+     "search for the walls of the base complex to keep (default none)", 0, 0},                               \
+    {"explore-cost", 0, CLI_CHOICE, offsetof(settings, job.explore_cost), "blocks|bits|bits-by-block|cubes|weighted",                      \
+     "what it makes little: blocks (default), bits per vertex of hexes, blocks unlike cubes, a sum", 0, 0},  \
+    {"explore-weights", 0, CLI_TEXT, offsetof(settings, job.explore_weights), "W,W,W,W",                     \
+     "for weighted: of blocks, bits, bits-by-block, cubes", 0, 0},                                           \
+    {"explore-expand", 0, CLI_CHOICE, offsetof(settings, job.explore_expand), "random|cheapest",              \
+     "states that enumerate takes where there are more than the beam (default random)", 0, 0},               \
+    {"beam", 0, CLI_INTEGER, offsetof(settings, job.beam), "N",                                              \
+     "states of a level that enumerate expands (default 500)", 1, 1000000},                                  \
+    {"seed", 0, CLI_INTEGER, offsetof(settings, job.seed), "N",                                              \
+     "of what exploration leaves to chance (default 1)", 1, 1000000000},                                     \
+    {"explore-work", 0, CLI_INTEGER, offsetof(settings, job.explore_work), "N",                              \
+     "most evaluations of an exploration (default 200000)", 1, 1000000000},                                  \
+    {"explore-time", 0, CLI_NUMBER, offsetof(settings, job.explore_time), "SECONDS",                         \
+     "most seconds of it; then the best found counts (default 60)", 1e-9, 3600},                             \
     {"self-adjacent", 0, CLI_CHOICE, offsetof(settings, job.self_adjacent), "allow|split",                   \
      "blocks that touch themselves: allow (default), or cut them in two", 0, 0},                             \
     {"repair", 0, CLI_FLAG, offsetof(settings, job.repair), NULL,                                            \

@@ -61,14 +61,27 @@ static void complexes(const json_t *all) {
     reduction(json_object_get(all, "reduced"), kind);
 }
 
+static double number(const json_t *object, const char *key) { return json_number_value(json_object_get(object, key)); }
+
+/* What exploration of the base complex came to. */
+static void exploration(const json_t *e) {
+    const char *method = json_string_value(json_object_get(e, "method")), *cost = json_string_value(json_object_get(e, "cost"));
+    const char *cut = json_string_value(json_object_get(e, "cut"));
+    char text[32], name[32];
+    if (!method || !cost) return;
+    printf("%-15s %s for %s: %.6g, by inserting sheets %.6g%s, at first %.6g; %.0f evaluations, the last gain at %.0f, %.3f s", "exploration", cli_safe(text, sizeof text, method),
+           cli_safe(name, sizeof name, cost), number(e, "best"), number(e, "serial"), json_is_true(json_object_get(e, "proven")) ? " (proven)" : "", number(e, "start"),
+           number(e, "evaluations"), number(e, "improved_at"), number(e, "seconds"));
+    if (cut && strcmp(cut, "no")) printf(", cut: %s", cli_safe(text, sizeof text, cut));
+    putchar('\n');
+}
+
 static void range_line(const char *label, const json_t *range, const char *what) {
     if (!json_is_object(range)) return;
     printf("%-15s %.4g to %.4g, median %.4g (%s)\n", label, json_number_value(json_object_get(range, "min")),
            json_number_value(json_object_get(range, "max")),
            json_number_value(json_object_get(range, "median")), what);
 }
-
-static double number(const json_t *object, const char *key) { return json_number_value(json_object_get(object, key)); }
 
 static void size_line(const char *label, const json_t *row) {
     const char *status = json_string_value(json_object_get(row, "status"));
@@ -186,6 +199,7 @@ void cli_summary_print(const json_t *report) {
         printf("%-15s parameters moved by at most %.3g\n", "sanitize", json_number_value(displacement));
     repair(json_object_get(json_object_get(report, "sanitize"), "repaired"));
     complexes(json_object_get(report, "complex"));
+    exploration(json_object_get(report, "exploration"));
     quantization(json_object_get(report, "quantization"));
     hexes_from(json_object_get(report, "reparametrize"), json_object_get(report, "extract"));
     hex_quality(json_object_get(report, "hex_quality"));

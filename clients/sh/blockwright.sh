@@ -11,6 +11,8 @@ usage() {
 Usage: blockwright.sh COMMAND ...
 
   submit FILE [--parameters FILE] [--kind auto|tet|hex] [--complex mc|bc|serial] [--reduce none|keep-singular|full] [--until STAGE]
+         [--explore none|auto|enumerate|swap|enumerate+swap|anneal|exact] [--explore-cost blocks|bits|bits-by-block|cubes|weighted]
+         [--explore-weights W,W,W,W] [--explore-expand random|cheapest] [--beam N] [--seed N] [--explore-work N] [--explore-time SECONDS]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
          [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...] [--bwh-bits N]
          [--name TEXT] [--wait] [--out DIR]
@@ -226,6 +228,10 @@ submit() {
     [ -z "$kind" ] || options="\"kind\": $(quoted "$kind")"
     [ -z "$complex" ] || options="${options:+$options, }\"complex\": $(quoted "$complex")"
     [ -z "$reduce" ] || options="${options:+$options, }\"reduce\": $(quoted "$reduce")"
+    [ -z "$explore" ] || options="${options:+$options, }\"explore\": $(quoted "$explore")"
+    [ -z "$explore_cost" ] || options="${options:+$options, }\"explore_cost\": $(quoted "$explore_cost")"
+    [ -z "$explore_expand" ] || options="${options:+$options, }\"explore_expand\": $(quoted "$explore_expand")"
+    options="${options:+$options${explore_numbers:+, }}$explore_numbers"
     [ -z "$until" ] || options="${options:+$options, }\"until\": $(quoted "$until")"
     [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
     [ -z "$size" ] || options="${options:+$options, }$size"
@@ -391,6 +397,8 @@ out=
 complex=
 reduce=
 kind=
+explore= explore_cost= explore_expand=
+explore_numbers= # as they stand in the request
 quantize=
 size=
 until=
@@ -410,7 +418,7 @@ while [ $# -gt 0 ]; do
     --rounding) rounding=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --kind | --complex | --reduce | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
+    --server | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -418,6 +426,16 @@ while [ $# -gt 0 ]; do
         --complex) complex=$2 ;;
         --kind) kind=$2 ;;
         --reduce) reduce=$2 ;;
+        --explore) explore=$2 ;;
+        --explore-cost) explore_cost=$2 ;;
+        --explore-expand) explore_expand=$2 ;;
+        --explore-weights)
+            for weight in $(printf '%s' "$2" | tr ',' ' '); do number "$1" "$weight"; done
+            explore_numbers="${explore_numbers:+$explore_numbers, }\"explore_weights\": [$2]"
+            ;;
+        --beam | --seed | --explore-work | --explore-time)
+            number "$1" "$2" && explore_numbers="${explore_numbers:+$explore_numbers, }\"$(printf '%s' "${1#--}" | tr '-' '_')\": $2"
+            ;;
         --quantize) quantize=$2 ;;
         --scale) number "$1" "$2" && size="\"scale\": $2" ;;
         --target-hexes) number "$1" "$2" && size="\"target_hexes\": $2" ;;

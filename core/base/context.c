@@ -59,6 +59,16 @@ void bw_progress(bw_context *ctx, double fraction) {
     if (ctx->progress) ctx->progress(ctx->user, ctx->stage, fraction < 0 ? 0 : fraction > 1 ? 1 : fraction);
 }
 
+void bw_note(bw_context *ctx, const char *format, ...) {
+    if (!ctx->note) return;
+    char text[BW_NOTE_MOST + 1];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    ctx->note(ctx->user, text);
+}
+
 bw_status bw_poll(bw_context *ctx) {
     if (ctx->error.status != BW_OK) return ctx->error.status;
     if (ctx->cancel && *ctx->cancel) return bw_fail(ctx, BW_E_CANCELLED, "cancelled during %s", ctx->stage);

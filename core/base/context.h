@@ -4,7 +4,7 @@
  *  1. The first error wins: a later bw_fail() leaves message and elements as they are and returns the first status.
  *  2. Every heap block of a job is taken with bw_alloc/bw_grow and given back with bw_free, so bytes in use, the
  *     peak and the limit are known exactly; a refused block is BW_E_MEMORY, never a crash.
- *  3. Nothing here is shared between threads except `cancel`, which a signal handler may set.
+ *  3. Nothing here is shared between threads except `cancel` and `finish`, which a signal handler may set.
  */
 #ifndef BW_BASE_CONTEXT_H
 #define BW_BASE_CONTEXT_H
@@ -17,6 +17,7 @@
 #include "base/status.h"
 
 enum { BW_ELEMENTS_KEPT = 32 }; /* offending elements listed by an error; the rest is only counted */
+enum { BW_NOTE_MOST = 100 };
 enum { BW_REGIONS_KEPT = 16, BW_REGION_TETS = 16 };
 
 /* An element at fault: kind is "vertex", "edge", "facet", "tet", "line", ...; id counts from 0 as in the input file. */
@@ -54,7 +55,9 @@ typedef struct bw_context {
     bw_error error;
     int threads;                        /* at least 1 */
     const volatile sig_atomic_t *cancel; /* may be NULL; non-zero asks the job to stop */
+    const volatile sig_atomic_t *finish; /* may be NULL; non-zero asks a search to end with the best it has found, and the job to go on with that */
     void (*progress)(void *user, const char *stage, double fraction); /* may be NULL; fraction in 0..1 of the stage */
+    void (*note)(void *user, const char *text);                       /* may be NULL; what a search has found so far, in place of the note before */
     void (*log)(void *user, const char *line);                        /* may be NULL; one line without its newline */
     void *user;
     const char *stage; /* name of the running stage */
@@ -69,6 +72,7 @@ void bw_fail_element(bw_context *ctx, const char *kind, int64_t id, const double
 void bw_fail_region(bw_context *ctx, const bw_region *region); /* likewise a place */
 void bw_log(bw_context *ctx, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bw_progress(bw_context *ctx, double fraction);
+void bw_note(bw_context *ctx, const char *format, ...) __attribute__((format(printf, 2, 3))); /* at most BW_NOTE_MOST characters */
 /* BW_OK, or BW_E_CANCELLED once cancellation was asked for. Cheap: call it in every outer loop. */
 bw_status bw_poll(bw_context *ctx);
 double bw_seconds_now(void); /* of a clock that never goes back; for durations and limits only */

@@ -26,6 +26,30 @@ typedef enum {
     BW_SELF_ADJACENT_SPLIT  /* where it does across opposite sides it is cut in two */
 } bw_self_adjacent;
 
+/* How the complexes of the base complex are explored (explore/explore.h). */
+typedef enum {
+    BW_EXPLORE_NONE,
+    BW_EXPLORE_AUTO,           /* exact for small components, enumerate for others, swap, anneal */
+    BW_EXPLORE_ENUMERATE,      /* top down with a beam (X 3.3) */
+    BW_EXPLORE_SWAP,           /* from a random order (X 3.4) */
+    BW_EXPLORE_ENUMERATE_SWAP, /* from the best of the enumeration */
+    BW_EXPLORE_ANNEAL,         /* swap, then cuts and joins of boxes */
+    BW_EXPLORE_EXACT           /* all orders, or all but those a bound excludes */
+} bw_explore_method;
+
+typedef enum {
+    BW_EXPLORE_BLOCKS,        /* number of blocks (X: E_n) */
+    BW_EXPLORE_BITS,          /* bits per vertex at 12 bits, entropies of the whole mesh (E_g); of hexahedra only, as the next */
+    BW_EXPLORE_BITS_BY_BLOCK, /* with entropies of each block */
+    BW_EXPLORE_CUBES,         /* longest side by shortest, over all blocks (X 4.5) */
+    BW_EXPLORE_WEIGHTED       /* a weighted sum of these, in this order */
+} bw_explore_cost;
+
+typedef enum {
+    BW_EXPLORE_EXPAND_RANDOM,  /* states of a level chosen by chance */
+    BW_EXPLORE_EXPAND_CHEAPEST /* those that promise the least cost */
+} bw_explore_expand;
+
 typedef enum {
     BW_QUANTIZE_NONE,        /* no integer lengths */
     BW_QUANTIZE_POSITIVE,    /* all at least 1: valid whatever the complex */

@@ -53,7 +53,7 @@ static void set_up(share *all, bw_context *ctx, size_t count, int ranges, deal *
     for (int i = 0; i < ranges; i++) {
         share *s = &all[i];
         s->ctx = *ctx;
-        s->ctx.progress = NULL, s->ctx.log = NULL;
+        s->ctx.progress = NULL, s->ctx.note = NULL, s->ctx.log = NULL;
         s->begin = count / (size_t)ranges * (size_t)i;
         s->end = i + 1 < ranges ? count / (size_t)ranges * (size_t)(i + 1) : count;
         s->deal = d, s->range = i, s->work = work, s->user = user;

@@ -9,7 +9,7 @@
 /* ---- the table: every field of a section, once
  * ------------------------------------------------------------------- */
 
-typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE, PLACES, SPREAD, COUNTS, WORST } field_type;
+typedef enum { FLAG, COUNT, NUMBER, INTEGER, TEXT, RANGE, PLACES, SPREAD, COUNTS, WORST, COMPONENTS } field_type;
 
 typedef struct {
     const char *section, *group, *name; /* group: an object inside the section, or NULL */
@@ -26,6 +26,7 @@ typedef struct {
 #define COMPLEX(type, name) MEMBER("complex", NULL, type, complex., name)
 #define RAW(type, name) MEMBER("complex", "raw", type, complex.raw., name)
 #define REDUCED(type, name) MEMBER("complex", "reduced", type, complex.reduced., name)
+#define EXPLORED(type, name) MEMBER("exploration", NULL, type, exploration., name)
 #define QUANT(type, name) MEMBER("quantization", NULL, type, quantization., name)
 #define ROUNDING(type, name) MEMBER("quantization", "rounding", type, quantization.rounding., name)
 #define REPARAM(type, name) MEMBER("reparametrize", NULL, type, reparametrize., name)
@@ -112,6 +113,32 @@ static const field fields[] = {
     REDUCED(COUNT, orders_tried),
     REDUCED(COUNT, patches_removed),
     REDUCED(COUNT, blocks_farthest_first),
+    EXPLORED(TEXT, method),
+    EXPLORED(TEXT, cost),
+    EXPLORED(TEXT, weights),
+    EXPLORED(TEXT, expand),
+    EXPLORED(COUNT, beam),
+    EXPLORED(COUNT, seed),
+    EXPLORED(COUNT, work),
+    EXPLORED(COUNT, lines),
+    EXPLORED(COUNT, sheets),
+    EXPLORED(COUNT, links),
+    EXPLORED(COUNT, crossings),
+    EXPLORED(COUNT, crossings_open),
+    EXPLORED(COUNT, components),
+    EXPLORED(COUNT, variable_patches),
+    EXPLORED(NUMBER, start),
+    EXPLORED(NUMBER, serial),
+    EXPLORED(NUMBER, best),
+    EXPLORED(COUNT, start_blocks),
+    EXPLORED(COUNT, serial_blocks),
+    EXPLORED(COUNT, best_blocks),
+    EXPLORED(COUNT, evaluations),
+    EXPLORED(COUNT, improved_at),
+    EXPLORED(TEXT, cut),
+    EXPLORED(FLAG, proven),
+    EXPLORED(NUMBER, seconds),
+    EXPLORED(COMPONENTS, component),
     QUANT(TEXT, range),
     QUANT(TEXT, fallback),
     QUANT(TEXT, goal),
@@ -264,6 +291,7 @@ static const struct {
 } sections[] = {
     {"input", offsetof(bw_report, has_input)},     {"sanitize", offsetof(bw_report, has_sanitize)},
     {"trace", offsetof(bw_report, has_trace)},     {"complex", offsetof(bw_report, has_complex)},
+    {"exploration", offsetof(bw_report, has_exploration)},
     {"quantization", offsetof(bw_report, has_quantization)},
     {"reparametrize", offsetof(bw_report, has_reparametrize)},
     {"extract", offsetof(bw_report, has_extract)},
@@ -385,6 +413,16 @@ static json_t *worst_to_json(const bw_report *report) {
     return list;
 }
 
+static json_t *components_to_json(const bw_report *report) {
+    json_t *list = json_array();
+    for (size_t i = 0; i < report->exploration.component_count; i++) {
+        const bw_explore_component *c = &report->exploration.component[i];
+        json_array_append_new(list, json_pack("{s:I, s:I, s:I, s:I, s:b, s:b}", "sheets", (json_int_t)c->sheets, "links", (json_int_t)c->links, "states",
+                                              (json_int_t)c->states, "leaves", (json_int_t)c->leaves, "complete", c->complete, "bounded", c->bounded));
+    }
+    return list;
+}
+
 static json_t *field_to_json(const field *f, const bw_report *report) {
     const void *at = (const char *)report + f->at;
     switch (f->type) {
@@ -407,6 +445,8 @@ static json_t *field_to_json(const field *f, const bw_report *report) {
         return counts_to_json(at, f->size);
     case WORST:
         return worst_to_json(report);
+    case COMPONENTS:
+        return components_to_json(report);
     case TEXT:
         break;
     }
@@ -592,6 +632,21 @@ static bool worst_from_json(const json_t *list, bw_report *report) {
     return true;
 }
 
+static bool components_from_json(const json_t *list, bw_report *report) {
+    if (!json_is_array(list) || json_array_size(list) > BW_EXPLORE_LISTED) return false;
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        bw_explore_component *c = &report->exploration.component[i];
+        json_int_t sheets, links, states, leaves;
+        int complete, bounded;
+        if (json_unpack(json_array_get(list, i), "{s:I, s:I, s:I, s:I, s:b, s:b}", "sheets", &sheets, "links", &links, "states", &states, "leaves", &leaves, "complete",
+                        &complete, "bounded", &bounded))
+            return false;
+        *c = (bw_explore_component){(size_t)sheets, (size_t)links, (uint64_t)states, (uint64_t)leaves, complete != 0, bounded != 0};
+    }
+    report->exploration.component_count = json_array_size(list);
+    return true;
+}
+
 static bool spread_from_json(const json_t *value, bw_hex_range *range) {
     return !json_unpack((json_t *)value, "{s:F, s:F, s:F}", "min", &range->min, "mean", &range->mean, "max", &range->max);
 }
@@ -621,6 +676,8 @@ static bool field_from_json(const field *f, const json_t *value, bw_report *repo
         return counts_from_json(value, at, f->size);
     case WORST:
         return worst_from_json(value, report);
+    case COMPONENTS:
+        return components_from_json(value, report);
     case TEXT:
         break;
     }

@@ -11,6 +11,7 @@
 #define BW_FORMAT_REPORT_JSON_H
 
 #include "complex/complex.h"
+#include "explore/explore.h"
 #include "format/hex_bwh.h"
 #include "hex/predict.h"
 #include "hex/quality.h"
@@ -78,7 +79,7 @@ typedef struct {
 } bw_report_sweep;
 
 typedef struct {
-    bool has_input, has_sanitize, has_trace, has_complex, has_quantization, has_quality;
+    bool has_input, has_sanitize, has_trace, has_complex, has_exploration, has_quantization, has_quality;
     bool has_reduced; /* complex.reduced */
     bool has_repaired; /* sanitize.repaired */
     bool has_rounding; /* quantization.rounding */
@@ -139,6 +140,20 @@ typedef struct {
             uint64_t blocks_farthest_first; /* blocks that the paper's order alone leaves */
         } reduced;
     } complex;
+
+    struct { /* which walls of the base complex to keep (stage reduce) */
+        char method[16], cost[16], weights[120], expand[12];
+        uint64_t beam, seed, work;
+        uint64_t lines, sheets, links, crossings, crossings_open, components, variable_patches;
+        double start, serial, best; /* cost: at first, of the best complex by serial insertion alone, of the best */
+        uint64_t start_blocks, serial_blocks, best_blocks;
+        uint64_t evaluations, improved_at; /* the evaluation that was the last to find a better one */
+        char cut[8];                       /* "no", "time", "memory" or "finish": what ended the search before its work was done */
+        bool proven;                       /* `serial` is the optimum of serial insertion */
+        double seconds;
+        size_t component_count; /* listed: those with most sheets */
+        bw_explore_component component[BW_EXPLORE_LISTED];
+    } exploration;
 
     bw_report_quantization quantization;
     size_t sweep_count; /* quantization.sweep */

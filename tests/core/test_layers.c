@@ -24,9 +24,10 @@ static const layer layers[] = {
     {"quantize", " base exact solve mesh complex "},
     {"igm", " base exact solve mesh complex quantize "},
     {"hex", " base exact solve mesh complex quantize igm "},
+    {"explore", " base exact solve mesh complex quantize igm hex "},
     {"tspline", " base exact solve mesh complex quantize igm hex "},
-    {"format", " base exact solve mesh complex quantize igm hex tspline "},
-    {"stage", " base exact solve mesh complex quantize igm hex tspline format "}, /* stages read and write through format */
+    {"format", " base exact solve mesh complex quantize igm hex explore tspline "},
+    {"stage", " base exact solve mesh complex quantize igm hex explore tspline format "}, /* stages read and write through format */
 };
 
 static const layer *layer_of(const char *folder, size_t length) {
