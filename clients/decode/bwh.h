@@ -50,7 +50,8 @@ typedef struct {
 
 extern const uint8_t bwh_ring[8]; /* around the low face, then around the high one */
 
-/* *mesh is overwritten; give it to bwh_clear, also after a failure (then it is empty). max_bytes: for all arrays of the mesh together, 0 for no limit. Some
+/* *mesh is overwritten; give it to bwh_clear, also after a failure (then it is empty). max_bytes: for all arrays of the mesh together, 0 for no limit;
+ * decoding takes about as much again meanwhile. Some
  * files unfold to thousands of times their size, so decode what strangers send with a limit. Any bytes are safe to decode. O(size of the mesh). */
 bwh_status bwh_decode(const void *data, size_t size, size_t max_bytes, bwh_mesh *mesh);
 void bwh_clear(bwh_mesh *mesh);

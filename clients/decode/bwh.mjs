@@ -563,7 +563,7 @@ class Decoder {
 }
 
 /**
- * Decodes a file (Uint8Array). maxBytes: for all arrays of the mesh together; some files unfold to thousands of times their size, so
+ * Decodes a file (Uint8Array). maxBytes: for all arrays of the mesh together (decoding takes about as much again); some files unfold to thousands of times their size, so
  * decode what strangers send with a limit. Throws BwhError for anything that is no such file.
  *
  * Gives {vertexCount, hexCount, subdivide, step: largest step of the lattice that positions are on (0: lossless), positions: Float64Array (3 per vertex),
