@@ -38,6 +38,15 @@ static void on_log(void *user, const char *line) {
     bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_LOG, line, strlen(line));
 }
 
+/* What a search has found goes to the job's log, as far as it does not come too often. */
+static void on_note(void *user, const char *text) {
+    static int64_t last;
+    int64_t now = bw_mono_ms();
+    if (last && now - last < PROGRESS_MS) return;
+    last = now;
+    on_log(user, text);
+}
+
 typedef struct {
     const char *stage, *options;
     unsigned long long memory;
@@ -99,6 +108,7 @@ int main(int argc, char **argv) {
     ctx.memory.limit = (size_t)a.memory;
     ctx.cancel = &cancelled;
     ctx.progress = on_progress;
+    ctx.note = on_note;
     ctx.log = on_log;
     ctx.stage = a.stage;
     if (!say_hello(stage)) return 5;

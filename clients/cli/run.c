@@ -32,7 +32,13 @@ static const cli_option options[] = {
     {"verbose", 'v', CLI_FLAG, offsetof(settings, verbose), NULL, "also show what the stages log", 0, 0},
 };
 
-static volatile sig_atomic_t cancelled;
+static volatile sig_atomic_t cancelled, finish;
+
+/* SIGUSR1 asks a search to end with the best it has found; the job goes on with that. */
+static void on_finish(int number) {
+    (void)number;
+    finish = 1;
+}
 
 /* The first signal asks the job to stop at its next poll; SA_RESETHAND lets a second one end the program at
  * once. */
@@ -48,6 +54,9 @@ static void catch_signals(void) {
     action.sa_flags = (int)SA_RESETHAND;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    action.sa_handler = on_finish;
+    action.sa_flags = SA_RESTART;
+    sigaction(SIGUSR1, &action, NULL);
 }
 
 static void on_progress(void *user, const char *stage, double fraction) {
@@ -113,8 +122,9 @@ static int run(const cli_command *self, int argc, char **argv) {
     ctx.threads = (int)s.threads;
     ctx.memory.limit = (size_t)s.memory;
     ctx.cancel = &cancelled;
+    ctx.finish = &finish;
     ctx.progress = on_progress;
-    ctx.log = s.verbose ? on_log : NULL;
+    ctx.log = ctx.note = s.verbose ? on_log : NULL;
     ctx.user = &progress;
     catch_signals();
 
