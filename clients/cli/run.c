@@ -163,7 +163,7 @@ const cli_command cli_command_run = {
              "  traced.hexex   the tet mesh refined along the walls, exact parameters and the wall list\n\n"
              "The same input gives the same bytes, with any number of threads and through a daemon as\n"
              "well. An input that cannot be decomposed is refused with the elements at fault. Ctrl-C\n"
-             "cancels.",
+             "cancels; SIGUSR1 ends an exploration with the best it has found, and the job goes on.",
     .examples = "  blockwright run part.hexex --out result\n"
                 "  blockwright run part.hexex --out result --complex bc     the base complex instead\n"
                 "  blockwright run part.hexex --out result --complex serial     fewer blocks before reduction\n"
@@ -173,6 +173,7 @@ const cli_command cli_command_run = {
                 "  blockwright run part.hexex --out result --quantize any --scales 0,0.5,1,2    by size\n"
                 "  blockwright run part.vtu --out result --vtk              VTK in, and out for ParaView\n"
                 "  blockwright run hexes.mesh --out result --reduce full    blocks of a hexahedral mesh\n"
+                "  blockwright run hexes.mesh --out result --explore auto   fewer, by searching its base complex\n"
                 "  blockwright run part.hexex --out check --until sanitize  is the map good? nothing else\n"
                 "  blockwright run part.hexex --out result --memory 4G --max-cells 5000000",
     .options = options,

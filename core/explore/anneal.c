@@ -133,7 +133,11 @@ bw_status bw_anneal(bw_search *s, bw_tiling *t, uint64_t rounds) {
         now = then;
         bw_tiling_keep(t);
         bw_search_offer(s, t->wall, now, t->count);
-        if (s->evaluations % 256 == 0) status = bw_poll(s->ctx);
+        if (bw_pricer_bytes(t->pricer) > BW_PRICES_MOST) {
+            bw_pricer_forget(s->ctx, t->pricer);
+            if (status == BW_OK) status = bw_tiling_set(s->ctx, t, t->wall);
+        }
+        if (s->evaluations % 256 == 0 && status == BW_OK) status = bw_poll(s->ctx);
     }
     annealer_clear(&a);
     return status;

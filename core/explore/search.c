@@ -27,9 +27,11 @@ uint64_t bw_search_random(bw_search *s) {
 }
 
 bool bw_search_spent(bw_search *s, uint64_t until) {
+    const bw_memory *memory = &s->ctx->memory;
     s->evaluations++;
     if (s->evaluations % 64 == 0) {
         if (s->ctx->finish && *s->ctx->finish) s->cut = BW_CUT_FINISH;
+        else if (memory->limit && memory->used > memory->limit - memory->limit / 8) s->cut = BW_CUT_MEMORY; /* the rest is for what comes after */
         else if (s->seconds > 0 && bw_seconds_now() - s->since > s->seconds) s->cut = BW_CUT_TIME;
         if (s->evaluations % 1024 == 0 && s->work != UINT64_MAX) bw_progress(s->ctx, (double)s->evaluations / (double)s->work);
     }
@@ -46,7 +48,8 @@ void bw_search_offer(bw_search *s, const uint8_t *wall, int64_t cost, size_t blo
 /* The total over the regions that are labelled. */
 static bw_status price_regions(bw_search *s, int64_t *cost) {
     bw_status status = BW_OK;
-    bw_pricer_empty(s->pricer);
+    if (bw_pricer_bytes(s->pricer) > BW_PRICES_MOST) bw_pricer_forget(s->ctx, s->pricer);
+    else bw_pricer_empty(s->pricer);
     if (bw_pricer_counts(s->pricer)) {
         bw_pricer_add(s->pricer, 0);
         *cost = bw_pricer_total(s->pricer) * (int64_t)s->regions.count;

@@ -12,6 +12,8 @@
 
 typedef enum { BW_CUT_NOT, BW_CUT_TIME, BW_CUT_MEMORY, BW_CUT_FINISH } bw_explore_cut;
 
+enum { BW_PRICES_MOST = 256 << 20 }; /* bytes of prices that are kept before all are forgotten */
+
 typedef struct {
     uint64_t state;
 } bw_explore_random;

@@ -91,7 +91,7 @@ static int32_t spread(bw_tiling *t, bw_block from, bw_block name, bool noted, ui
 bw_status bw_tiling_set(bw_context *ctx, bw_tiling *t, const uint8_t *wall) {
     const bw_space *s = t->space;
     bw_status status = BW_OK;
-    memcpy(t->wall, wall, s->patch_count);
+    if (wall != t->wall) memcpy(t->wall, wall, s->patch_count);
     bw_tiling_keep(t);
     bw_pricer_empty(t->pricer);
     t->count = 0, t->hash = 0;
