@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "stage/quantize.h"
 #include "tspline/parts.h"
 
 typedef struct {
@@ -82,28 +83,55 @@ static void volumes_of_cells_add_up_to_that_of_the_map(void **state) {
     }
 }
 
-/* Vertices on an arc: one for each node and cut, in order, on it. */
-static void vertices_along_arcs_are_where_the_arcs_are(void **state) {
-    (void)state;
-    sample s;
-    open_sample(&s, "plate", 1, BW_COMPLEX_MC, BW_REDUCE_FULL, 1);
-    double(*position)[3] = calloc(s.mesh.vertex_count, sizeof *position);
-    kit_expect_ok(&s.r.ctx, bw_tmesh_positions(&s.r.ctx, &s.mesh, position));
+/* Vertices on an arc: one for each node and cut, in order, on it; those at its ends are where the nodes are. */
+static void expect_vertices_on_arcs(sample *s) {
+    double(*position)[3] = calloc(s->mesh.vertex_count, sizeof *position);
+    kit_expect_ok(&s->r.ctx, bw_tmesh_positions(&s->r.ctx, &s->mesh, position));
     size_t arcs = 0;
-    for (bw_arc a = 0; a < (bw_arc)s.complex.arc_count; a++) {
+    for (bw_arc a = 0; a < (bw_arc)s->complex.arc_count; a++) {
         size_t count;
-        if (!bw_tmesh_is_extraordinary(&s.complex, a)) continue;
-        const int32_t *vertex = bw_tmesh_along(&s.mesh, a, &count);
+        if (!bw_tmesh_is_extraordinary(&s->complex, a)) continue;
+        const int32_t *vertex = bw_tmesh_along(&s->mesh, a, &count);
         for (int e = 0; e < 2; e++) {
             double node[3];
-            bw_cells_position(&s.r.cells, s.complex.node_vertex[s.complex.arc_node[a][e]], node);
+            bw_cells_position(&s->r.cells, s->complex.node_vertex[s->complex.arc_node[a][e]], node);
             for (int k = 0; k < 3; k++) assert_true(fabs(position[vertex[e ? count - 1 : 0]][k] - node[k]) < 1e-6);
         }
-        for (size_t i = 0; i < count; i++) assert_true(s.mesh.vertex_flags[vertex[i]] & BW_TVERTEX_EXTRAORDINARY);
+        for (size_t i = 0; i < count; i++) assert_true(s->mesh.vertex_flags[vertex[i]] & BW_TVERTEX_EXTRAORDINARY);
         arcs++;
     }
     assert_true(arcs > 0);
     free(position);
+}
+
+static void vertices_along_arcs_are_where_the_arcs_are(void **state) {
+    (void)state;
+    sample s;
+    open_sample(&s, "plate", 1, BW_COMPLEX_MC, BW_REDUCE_FULL, 1);
+    expect_vertices_on_arcs(&s);
+    close_sample(&s);
+}
+
+static void knots_may_be_quarters_of_hexes(void **state) {
+    (void)state;
+    sample s;
+    int64_t *length;
+    bw_report *report = calloc(1, sizeof *report);
+    open_sample(&s, "plate", 1, BW_COMPLEX_MC, BW_REDUCE_KEEP_SINGULAR, 1);
+    bw_tmesh_clear(&s.r.ctx, &s.mesh), bw_atlas_clear(&s.r.ctx, &s.atlas);
+    bw_quantize_options coarsest = {.range = BW_QUANTIZE_POSITIVE, .scale = 0, .seconds = 10};
+    kit_expect_ok(&s.r.ctx, bw_quantize(&s.r.ctx, &s.r.cells, &s.complex, &coarsest, &length, report));
+    kit_expect_ok(&s.r.ctx, bw_atlas_init(&s.r.ctx, &s.r.cells, &s.complex, length, &s.atlas));
+    kit_expect_ok(&s.r.ctx, bw_tmesh_init(&s.r.ctx, &s.atlas, &s.mesh));
+    kit_expect_ok(&s.r.ctx, bw_tmesh_check(&s.r.ctx, &s.mesh));
+    expect_vertices_on_arcs(&s);
+    size_t volume = 0;
+    for (size_t c = 0; c < s.mesh.cell_count; c++) {
+        const bw_tcell *cell = &s.mesh.cell[c];
+        volume += (size_t)(cell->high[0] - cell->low[0]) * (size_t)(cell->high[1] - cell->low[1]) * (size_t)(cell->high[2] - cell->low[2]);
+    }
+    assert_int_equal(volume, 64 * report->quantization.hexes);
+    bw_free(&s.r.ctx, length), free(report);
     close_sample(&s);
 }
 
@@ -289,6 +317,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(every_variant_of_every_model_has_a_valid_t_mesh),
     cmocka_unit_test(volumes_of_cells_add_up_to_that_of_the_map),
     cmocka_unit_test(vertices_along_arcs_are_where_the_arcs_are),
+    cmocka_unit_test(knots_may_be_quarters_of_hexes),
     cmocka_unit_test(cells_are_as_many_as_drawn_by_hand),
     cmocka_unit_test(the_base_complex_gets_at_least_as_many_cells_added),
     cmocka_unit_test(longer_arcs_change_the_knots_and_nothing_else),
