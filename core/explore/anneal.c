@@ -50,7 +50,7 @@ static bw_status join_listed(annealer *a) {
         int64_t before = bw_pricer_total(a->t->pricer);
         bool done;
         status = bw_tiling_join(a->s->ctx, a->t, p, &done);
-        if (!done || status != BW_OK) continue;
+        if (status != BW_OK || !done) continue;
         if (bw_pricer_total(a->t->pricer) > before) bw_tiling_undo(a->t, logged);
         else add_sides(a, a->t->box[x->patch_block[p][0]]);
     }

@@ -173,7 +173,7 @@ static bw_status make_next(enumerator *e, size_t beam) {
         bw_tree_choose(&e->tree, state, e->children[i].sheet);
         bool added;
         status = bw_hashset_add(ctx, &e->seen, bw_tree_hash(&e->tree, state), &added);
-        if (!added || status != BW_OK) continue;
+        if (status != BW_OK || !added) continue;
         status = add_origin(e, e->level_origin[e->children[i].state], e->children[i].sheet, &e->next_origin[e->next_count]);
         e->next_count++;
     }

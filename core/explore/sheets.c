@@ -72,7 +72,7 @@ static bw_status list_seeds(bw_context *ctx, const bw_complex *x, const bw_space
         if (list->count == before && x->patch_flags[p] & BW_PATCH_FEATURE && status == BW_OK) status = add_seed(ctx, list, BW_NONE, p);
     }
     if (status != BW_OK) return status;
-    qsort(list->item, list->count, sizeof *list->item, by_patch);
+    if (list->count) qsort(list->item, list->count, sizeof *list->item, by_patch);
     size_t kept = 0;
     for (size_t i = 0; i < list->count; i++)
         if (!kept || by_patch(&list->item[i], &list->item[kept - 1])) list->item[kept++] = list->item[i];
@@ -141,7 +141,7 @@ static bw_status flood_sheets(bw_context *ctx, bw_space *s, seeds *from) {
     bw_sheet *mark = bw_alloc(ctx, s->patch_count, sizeof *mark);
     bw_status status = ctx->error.status;
     for (size_t p = 0; p < s->patch_count && status == BW_OK; p++) mark[p] = BW_NONE;
-    qsort(from->item, from->count, sizeof *from->item, by_sheet);
+    if (from->count) qsort(from->item, from->count, sizeof *from->item, by_sheet);
     for (size_t i = 0, j; i < from->count && status == BW_OK; i = j) {
         bw_sheet sheet = from->item[i].sheet;
         size_t begin = list.count;
