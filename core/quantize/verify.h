@@ -32,7 +32,7 @@ typedef enum {
     BW_FAULT_VOLUME,      /* nothing has volume */
     BW_FAULT_COINCIDENCE, /* points of critical entities coincide that do not in the complex */
     BW_FAULT_TOPOLOGY,    /* what is left is no mesh, or not one of the same shape */
-    BW_UNDECIDED          /* the contracted complex would have more than 2^21 vertices, or its blocks 2^18 planes, and some length is not positive */
+    BW_UNDECIDED          /* more than 2^12 patches lie around one place of a wall, or the contracted complex would have more than 2^21 vertices, or its blocks 2^18 planes, and some length is not positive */
 } bw_fault;
 
 const char *bw_fault_name(bw_fault fault); /* "valid", "rectangle", ... */

@@ -14,6 +14,9 @@
 
 #include "quantize/verify_parts.h"
 
+/* A flow meets a few patches, and so does what lies flat around one on the boundary. Where planes spiral through the blocks it may be any number. */
+enum { FLOW_MOST = 1 << 12 };
+
 /* A change of chart in both measures. */
 typedef struct {
     bw_transition p, q;
@@ -233,8 +236,16 @@ static bw_patch way_out(const flow *f, int sign, bw_patch from) {
     return found;
 }
 
+static bool too_long(const flow *f, size_t count) {
+    if (count < FLOW_MOST) return false;
+    bw_verify_fault(f->v, BW_UNDECIDED, "block", f->block, -1, "what lies beside the block is too many patches away");
+    return true;
+}
+
 static bw_status mark_used(flow *f, bw_patch p, int slot, int sign) {
-    bw_status status = bw_reserve(f->v->ctx, &f->used, &f->used_room, f->used_count + 1);
+    bw_status status = bw_poll(f->v->ctx);
+    if (status != BW_OK || too_long(f, f->used_count)) return status;
+    status = bw_reserve(f->v->ctx, &f->used, &f->used_room, f->used_count + 1);
     if (status != BW_OK) return status;
     f->used[f->used_count++] = crossing_at(f->v, p, slot, &f->at);
     limit(f, &f->v->box[p][slot]);
@@ -312,7 +323,7 @@ static bw_status go_outside(flow *f, bw_patch *patch, int sign) {
         list[count++] = (visit){{*patch, {f->at.at[0], f->at.at[1], f->at.at[2]}}, f->at, f->back};
         f->block = BW_NONE;
     }
-    for (size_t i = 0; i < count && status == BW_OK; i++) {
+    for (size_t i = 0; i < count && status == BW_OK && !too_long(f, count); i++) {
         visit here = list[i];
         bw_patch p = here.here.patch;
         uint8_t side = v->x->patch_side[p][0];
@@ -347,7 +358,7 @@ static bw_status follow(flow *f, bw_block block, uint8_t side, const spot *start
     memcpy(f->limit, box.high, sizeof f->limit);
     *found = false;
     bw_patch p = BW_NONE;
-    for (int sign = 1; f->block != BW_NONE;) {
+    for (int sign = 1; f->block != BW_NONE && bw_verify_going(v, BW_OK);) {
         p = way_out(f, sign, p);
         if (p == BW_NONE) return BW_OK;
         int slot = slot_of(v, p, f->block, f->side);
@@ -364,7 +375,7 @@ static bw_status follow(flow *f, bw_block block, uint8_t side, const spot *start
         if (sign > 0 && cover(&box, f->side >> 1, &f->at) > 0 && !passes(f, p)) break;
         sign = -sign;
     }
-    *found = f->critical == 0 || f->critical == 1;
+    *found = bw_verify_going(v, BW_OK) && (f->critical == 0 || f->critical == 1);
     return BW_OK;
 }
 
