@@ -288,30 +288,50 @@ static bw_vertex vertex_of_node(const labels *l, size_t node) {
     return same && !memcmp(l->igm->mesh.position[at->carrier], v->cells->mesh->position[at->carrier], sizeof(double[3])) ? at->carrier : BW_NONE;
 }
 
-/* Hex vertices at the positions of critical nodes, through a hash table of the nodes. */
-static bw_status find_anchors(labels *l, int32_t *anchor_of) {
+static bool is_at_node(const labels *l, const double p[3], bw_node node) {
+    return !memcmp(p, l->igm->mesh.position[vertex_of_node(l, (size_t)node)], sizeof(double[3]));
+}
+
+enum { AMBIGUOUS = -2 };
+
+/* [node] The only hex vertex at its position, BW_NONE if there is none; AMBIGUOUS if there are more, or other nodes there: the input may have been slit open, so that points of
+ * several sides are in one place. All through a hash table of the nodes; *node_of is that of a hex vertex at one, or BW_NONE. */
+static bw_status match_nodes(labels *l, int32_t *vertex_at, int32_t *node_of) {
     size_t nodes = l->plan->verifier.x->node_count, room = 16;
     while (room < 2 * nodes) room *= 2;
     int32_t *table = bw_alloc(l->ctx, room, sizeof *table);
-    bw_status status = table ? BW_OK : l->ctx->error.status;
-    for (size_t i = 0; i < room && status == BW_OK; i++) table[i] = BW_NONE;
-    for (size_t n = 0; n < nodes && status == BW_OK; n++) {
+    if (!table) return l->ctx->error.status;
+    for (size_t i = 0; i < room; i++) table[i] = BW_NONE;
+    for (size_t n = 0; n < nodes; n++) {
         bw_vertex v = vertex_of_node(l, n);
+        vertex_at[n] = BW_NONE;
         if (v == BW_NONE) continue;
         size_t i = hash_position(l->igm->mesh.position[v]) & (room - 1);
-        while (table[i] != BW_NONE) i = (i + 1) & (room - 1);
-        table[i] = (int32_t)n;
+        while (table[i] != BW_NONE && !is_at_node(l, l->igm->mesh.position[v], table[i])) i = (i + 1) & (room - 1);
+        if (table[i] == BW_NONE) table[i] = (int32_t)n;
+        else vertex_at[table[i]] = AMBIGUOUS;
     }
-    for (size_t h = 0; h < l->mesh->vertex_count && status == BW_OK; h++) {
-        anchor_of[h] = BW_NONE;
-        for (size_t i = hash_position(l->mesh->position[h]) & (room - 1); table[i] != BW_NONE; i = (i + 1) & (room - 1)) {
-            if (memcmp(l->mesh->position[h], l->igm->mesh.position[vertex_of_node(l, (size_t)table[i])], sizeof(double[3]))) continue;
-            anchor_of[h] = (int32_t)l->anchor_count;
-            l->anchor[l->anchor_count++] = (anchor){.node = table[i], .vertex = (bw_hvertex)h};
-            break;
-        }
+    for (size_t h = 0; h < l->mesh->vertex_count; h++) {
+        size_t i = hash_position(l->mesh->position[h]) & (room - 1);
+        while (table[i] != BW_NONE && !is_at_node(l, l->mesh->position[h], table[i])) i = (i + 1) & (room - 1);
+        if ((node_of[h] = table[i]) != BW_NONE) vertex_at[table[i]] = vertex_at[table[i]] == BW_NONE ? (int32_t)h : AMBIGUOUS;
     }
     bw_free(l->ctx, table);
+    return BW_OK;
+}
+
+/* Hex vertices that are known to be a critical node. What is ambiguous is none: then other nodes, or trying, tell where hexes belong. */
+static bw_status find_anchors(labels *l, int32_t *anchor_of) {
+    int32_t *vertex_at = bw_alloc(l->ctx, l->plan->verifier.x->node_count, sizeof *vertex_at);
+    bw_status status = vertex_at ? match_nodes(l, vertex_at, anchor_of) : l->ctx->error.status;
+    for (size_t h = 0; h < l->mesh->vertex_count && status == BW_OK; h++) {
+        bw_node n = anchor_of[h];
+        anchor_of[h] = BW_NONE;
+        if (n == BW_NONE || vertex_at[n] != (int32_t)h) continue;
+        anchor_of[h] = (int32_t)l->anchor_count;
+        l->anchor[l->anchor_count++] = (anchor){.node = n, .vertex = (bw_hvertex)h};
+    }
+    bw_free(l->ctx, vertex_at);
     return status;
 }
 

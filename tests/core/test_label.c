@@ -74,6 +74,32 @@ static void every_hex_has_its_block_and_place(void **state) {
         }
 }
 
+static const double *place_of_node(const labelled *x, size_t node) {
+    const bw_cell_vertex *at = &x->q.cells.vertex[x->q.complex.node_vertex[node]];
+    assert_int_equal(at->kind, BW_IN_VERTEX);
+    return x->q.mesh.position[at->carrier];
+}
+
+/* As where an input is slit open: the positions of nodes do not tell which hex vertex is which. */
+static void many_hex_vertices_may_be_in_the_place_of_a_node(void **state) {
+    (void)state;
+    for (int more = 1; more < 10; more *= 3) { /* at each node */
+        labelled x;
+        size_t v = 0;
+        open_model(&x, "cuboid", 3, 0, 1, BW_COMPLEX_MC, BW_REDUCE_NONE, 2);
+        size_t nodes = x.q.complex.node_count;
+        for (size_t i = 0; i < (size_t)more * nodes; v++) {
+            bool is_node = false;
+            assert_true(v < x.mesh.vertex_count);
+            for (size_t n = 0; n < nodes; n++) is_node |= !memcmp(x.mesh.position[v], place_of_node(&x, n), sizeof(double[3]));
+            if (!is_node) memcpy(x.mesh.position[v], place_of_node(&x, i++ % nodes), sizeof(double[3]));
+        }
+        kit_expect_ok(&x.q.ctx, label(&x));
+        kit_expect_ok(&x.q.ctx, bw_hex_mesh_check(&x.q.ctx, &x.mesh));
+        close_model(&x);
+    }
+}
+
 static void expect_refused(labelled *x, const char *words) {
     bw_status status = label(x);
     if (status != BW_E_CHECK || !strstr(x->q.ctx.error.message, words))
@@ -136,6 +162,7 @@ static void each_allocation_may_fail(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_hex_has_its_block_and_place),
+        cmocka_unit_test(many_hex_vertices_may_be_in_the_place_of_a_node),
         cmocka_unit_test(another_number_of_hexes_is_refused),
         cmocka_unit_test(a_box_turned_over_is_refused),
         cmocka_unit_test(a_hex_inside_out_is_refused),
