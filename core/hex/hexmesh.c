@@ -4,7 +4,7 @@
 #include "base/parallel.h"
 #include "hex/incidence.h"
 
-enum { LEAST = 4096 }; /* hexes or vertices per thread at least */
+enum { LEAST = 4096, OFTEN = 65536 }; /* hexes or vertices per thread at least; between questions whether to go on */
 
 void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh) {
     bw_free(ctx, mesh->position);
@@ -141,7 +141,7 @@ static bw_status check_faces(bw_context *ctx, checking *w) {
     size_t n = w->mesh->hex_count;
     int ranges = bw_parallel_ranges(ctx, n, LEAST);
     uint32_t bad;
-    if (bw_hex_mates_and_crowd(ctx, w->mesh, &w->mate, &bad) || bw_parallel(ctx, n, ranges, compare_range, w)) return ctx->error.status;
+    if (bw_hex_mates_and_crowd(ctx, w->mesh, &w->mate, &bad) || bw_poll(ctx) || bw_parallel(ctx, n, ranges, compare_range, w)) return ctx->error.status;
     for (int r = 0; r < ranges; r++)
         if (w->bad[r] < bad) bad = w->bad[r];
     return bad == BW_HEX_NO_MATE ? BW_OK : fail_equal(ctx, w, bad);
@@ -217,9 +217,9 @@ static bw_status judge_link(bw_context *ctx, checking *w, size_t v, link_room ro
     if (found.corners != w->corners[v] || found.neighbours + found.corners != edges + (found.boundary ? 1 : 2))
         return w->input ? fail_pinched(ctx, w->mesh, v)
                         : fail_vertex(ctx, w->mesh, v, found.boundary ? "is on the boundary, but its link is no disk" : "has a link that is no sphere");
-    if (!w->input && (w->mesh->held[v] > BW_HELD_NOT || (found.boundary && w->mesh->held[v] == BW_HELD_NOT)))
-        return fail_vertex(ctx, w->mesh, v, "is on the boundary, but not held there");
-    return BW_OK;
+    if (w->input) return BW_OK;
+    if (w->mesh->held[v] > BW_HELD_NOT) return fail_vertex(ctx, w->mesh, v, "is held by nothing that there is");
+    return found.boundary && w->mesh->held[v] == BW_HELD_NOT ? fail_vertex(ctx, w->mesh, v, "is on the boundary, but not held there") : BW_OK;
 }
 
 static bw_status judge_range(bw_context *ctx, size_t begin, size_t end, int range, void *user) {
@@ -227,8 +227,10 @@ static bw_status judge_range(bw_context *ctx, size_t begin, size_t end, int rang
     uint32_t corner[FEW];
     bw_hvertex near[3 * FEW];
     (void)range;
-    for (size_t v = begin; v < end; v++)
+    for (size_t v = begin; v < end; v++) {
+        if ((v - begin) % OFTEN == 0 && bw_poll(ctx)) return ctx->error.status;
         if (w->corners[v] && w->corners[v] <= FEW && judge_link(ctx, w, v, (link_room){corner, near})) return ctx->error.status;
+    }
     return BW_OK;
 }
 
@@ -236,6 +238,7 @@ static bw_status judge_range(bw_context *ctx, size_t begin, size_t end, int rang
 static bw_status judge_large(bw_context *ctx, checking *w) {
     for (size_t v = 0; v < w->mesh->vertex_count; v++) {
         if (w->corners[v] <= FEW) continue;
+        if (bw_poll(ctx)) return ctx->error.status;
         link_room room = {bw_alloc(ctx, w->corners[v], sizeof *room.corner), bw_alloc(ctx, w->corners[v], 3 * sizeof *room.near)};
         if (room.corner && room.near) judge_link(ctx, w, v, room);
         bw_free(ctx, room.corner), bw_free(ctx, room.near);
@@ -259,25 +262,50 @@ static bw_status check_links(bw_context *ctx, const bw_hex_mesh *mesh, bool inpu
 /* ---- invariant 4: every block is a full box ---- */
 
 typedef struct {
-    size_t count;
-    int32_t (*size)[3]; /* [block] */
-    size_t *begin;      /* [block + 1] into hex: that of i, j, k is begin + i + size[0] * (j + size[1] * k) */
+    size_t count;       /* rows, one for each block */
+    bw_block *block;    /* [row] ascending; NULL: the row is the block's id */
+    int32_t (*size)[3]; /* [row] */
+    size_t *begin;      /* [row + 1] into hex: that of i, j, k is begin + i + size[0] * (j + size[1] * k) */
     bw_hex *hex;
 } boxes;
 
-static bw_status measure_boxes(bw_context *ctx, const bw_hex_mesh *mesh, boxes *b) {
+static int by_id(const void *a, const void *b) {
+    const bw_block *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+static size_t row_of(const boxes *b, bw_block block) {
+    const bw_block *found = b->block ? bsearch(&block, b->block, b->count, sizeof block, by_id) : NULL;
+    return found ? (size_t)(found - b->block) : (size_t)block;
+}
+
+/* Rows for as many blocks as there are, and no more than hexes: ids of a mesh that was read may be anything. */
+static bw_status count_boxes(bw_context *ctx, const bw_hex_mesh *mesh, boxes *b) {
     for (size_t h = 0; h < mesh->hex_count; h++) {
         if (mesh->block[h] < 0) return fail_hex(ctx, mesh, h, "is in no block, others are");
         if ((size_t)mesh->block[h] >= b->count) b->count = (size_t)mesh->block[h] + 1;
     }
+    if (b->count <= mesh->hex_count) return BW_OK;
+    if (!(b->block = bw_alloc(ctx, mesh->hex_count, sizeof *b->block))) return ctx->error.status;
+    memcpy(b->block, mesh->block, mesh->hex_count * sizeof *b->block);
+    qsort(b->block, mesh->hex_count, sizeof *b->block, by_id);
+    b->count = 0;
+    for (size_t h = 0; h < mesh->hex_count; h++)
+        if (!h || b->block[h] != b->block[b->count - 1]) b->block[b->count++] = b->block[h];
+    return BW_OK;
+}
+
+static bw_status measure_boxes(bw_context *ctx, const bw_hex_mesh *mesh, boxes *b) {
+    if (count_boxes(ctx, mesh, b)) return ctx->error.status;
     b->size = bw_alloc(ctx, b->count, sizeof *b->size);
     b->begin = bw_alloc(ctx, b->count + 1, sizeof *b->begin);
     b->hex = bw_alloc(ctx, mesh->hex_count, sizeof *b->hex);
     if (!b->size || !b->begin || !b->hex) return ctx->error.status;
     for (size_t h = 0; h < mesh->hex_count; h++) {
-        b->begin[mesh->block[h] + 1]++;
+        size_t row = row_of(b, mesh->block[h]);
+        b->begin[row + 1]++;
         for (int k = 0; k < 3; k++) {
-            int32_t at = mesh->ijk[h][k], *size = &b->size[mesh->block[h]][k];
+            int32_t at = mesh->ijk[h][k], *size = &b->size[row][k];
             if (at < 0 || at == INT32_MAX) return fail_hex(ctx, mesh, h, "has a place outside its block");
             if (at >= *size) *size = at + 1;
         }
@@ -286,22 +314,23 @@ static bw_status measure_boxes(bw_context *ctx, const bw_hex_mesh *mesh, boxes *
     for (size_t i = 0; i < b->count; i++) {
         const int32_t *n = b->size[i];
         if ((__int128)n[0] * n[1] * n[2] != (__int128)b->begin[i + 1])
-            return bw_fail(ctx, BW_E_CHECK, "block %zu of %d x %d x %d hexes has %zu", i, n[0], n[1], n[2], b->begin[i + 1]);
+            return bw_fail(ctx, BW_E_CHECK, "block %zu of %d x %d x %d hexes has %zu", b->block ? (size_t)b->block[i] : i, n[0], n[1], n[2], b->begin[i + 1]);
         b->begin[i + 1] += b->begin[i];
     }
-    return BW_OK;
+    return bw_poll(ctx);
 }
 
-static size_t box_slot(const boxes *b, bw_block block, const int32_t ijk[3]) {
-    const int32_t *n = b->size[block];
-    return b->begin[block] + (size_t)ijk[0] + (size_t)n[0] * ((size_t)ijk[1] + (size_t)n[1] * (size_t)ijk[2]);
+static size_t box_slot(const boxes *b, size_t row, const int32_t ijk[3]) {
+    const int32_t *n = b->size[row];
+    return b->begin[row] + (size_t)ijk[0] + (size_t)n[0] * ((size_t)ijk[1] + (size_t)n[1] * (size_t)ijk[2]);
 }
 
 /* Whether the hex next to h along an axis, if there is one in its block, has the same face there. */
 static bool meets_next(const bw_hex_mesh *mesh, const boxes *b, size_t h, int axis) {
     int32_t at[3] = {mesh->ijk[h][0], mesh->ijk[h][1], mesh->ijk[h][2]};
-    if (++at[axis] == b->size[mesh->block[h]][axis]) return true;
-    const bw_hvertex *x = mesh->hex[h], *y = mesh->hex[b->hex[box_slot(b, mesh->block[h], at)]];
+    size_t row = row_of(b, mesh->block[h]);
+    if (++at[axis] == b->size[row][axis]) return true;
+    const bw_hvertex *x = mesh->hex[h], *y = mesh->hex[b->hex[box_slot(b, row, at)]];
     bool same = true;
     for (int c = 0; c < 8; c++)
         if (c >> axis & 1) same = same && x[c] == y[c ^ 1 << axis];
@@ -329,11 +358,12 @@ static bw_status check_boxes(bw_context *ctx, const bw_hex_mesh *mesh) {
     if (!labelled) return BW_OK;
     bw_status status = measure_boxes(ctx, mesh, &b);
     for (size_t h = 0; h < mesh->hex_count && status == BW_OK; h++) {
-        bw_hex *slot = &b.hex[box_slot(&b, mesh->block[h], mesh->ijk[h])];
+        bw_hex *slot = &b.hex[box_slot(&b, row_of(&b, mesh->block[h]), mesh->ijk[h])];
         if (*slot != BW_NONE) status = fail_hex(ctx, mesh, h, "has the place of another in its block");
         *slot = (bw_hex)h;
     }
     if (status == BW_OK) status = bw_parallel(ctx, mesh->hex_count, bw_parallel_ranges(ctx, mesh->hex_count, LEAST), meet_range, &(box_check){mesh, &b});
+    bw_free(ctx, b.block);
     bw_free(ctx, b.size);
     bw_free(ctx, b.begin);
     bw_free(ctx, b.hex);
@@ -342,7 +372,9 @@ static bw_status check_boxes(bw_context *ctx, const bw_hex_mesh *mesh) {
 
 bw_status bw_hex_mesh_check(bw_context *ctx, const bw_hex_mesh *mesh) {
     bw_status status = check_corners(ctx, mesh);
+    if (status == BW_OK) status = bw_poll(ctx);
     if (status == BW_OK) status = check_links(ctx, mesh, false);
+    if (status == BW_OK) status = bw_poll(ctx);
     if (status == BW_OK) status = check_boxes(ctx, mesh);
     return status;
 }

@@ -50,7 +50,7 @@ typedef struct {
 } bw_hex_mesh;
 
 void bw_hex_mesh_clear(bw_context *ctx, bw_hex_mesh *mesh);
-/* BW_E_CHECK naming the first violation. O(n log n). */
+/* BW_E_CHECK naming the first violation; BW_E_MEMORY, BW_E_CANCELLED. O(n log n). */
 bw_status bw_hex_mesh_check(bw_context *ctx, const bw_hex_mesh *mesh);
 /* Invariants 1 and 2 of what a file says; vertices may be in no hex, indices are in range, `held` is not looked at. Errors, with the hexes at fault: BW_E_DUPLICATE
  * (a vertex or a hex twice), BW_E_NONMANIFOLD, BW_E_INVERTED (neighbours that list their corners in opposite senses). O(n log n). */

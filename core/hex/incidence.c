@@ -134,9 +134,9 @@ static bw_status match_all(bw_context *ctx, matching *w) {
     size_t n = w->mesh->vertex_count;
     int ranges = bw_parallel_ranges(ctx, n, LEAST);
     for (int i = 0; i < ranges; i++) w->crowd[i] = BW_HEX_NO_MATE;
-    if (bw_parallel(ctx, n, ranges, count_quads, w)) return ctx->error.status;
+    if (bw_parallel(ctx, n, ranges, count_quads, w) || bw_poll(ctx)) return ctx->error.status;
     lay_out(w->begin, n);
-    if (bw_parallel(ctx, n, ranges, list_quads, w) || bw_parallel(ctx, n, ranges, match_range, w)) return ctx->error.status;
+    if (bw_parallel(ctx, n, ranges, list_quads, w) || bw_poll(ctx) || bw_parallel(ctx, n, ranges, match_range, w)) return ctx->error.status;
     for (int i = 1; i < ranges; i++)
         if (w->crowd[i] < w->crowd[0]) w->crowd[0] = w->crowd[i];
     for (size_t v = 0; v < n; v++) { /* these allocate */

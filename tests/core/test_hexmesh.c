@@ -110,7 +110,7 @@ static const struct {
     {"vertices welded", vertices_welded, "link is no disk"},
     {"a hole", hole_of_one_hex, "not held"},
     {"boundary not held", boundary_not_held, "not held"},
-    {"held by what is not known", held_by_nothing_known, ""},
+    {"held by what is not known", held_by_nothing_known, "held by nothing"},
     {"one hex without a block", one_without_block, "in no block"},
     {"a place taken twice", place_taken_twice, ""},
     {"a place outside", place_negative, "outside its block"},
@@ -134,6 +134,36 @@ static void every_damage_is_named(void **state) {
     }
 }
 
+/* Ids as a file may have them: memory goes by hexes, not by the highest id. */
+static void ids_of_blocks_may_be_far_apart(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_hex_mesh mesh;
+    bw_context_init(&ctx);
+    hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
+    for (size_t h = 0; h < mesh.hex_count; h++) mesh.block[h] = INT32_MAX - 1 - 1000 * mesh.block[h];
+    ctx.memory.limit = ctx.memory.used + 1000000;
+    kit_expect_ok(&ctx, bw_hex_mesh_check(&ctx, &mesh));
+    mesh.ijk[0][1] = 40;
+    assert_int_equal(bw_hex_mesh_check(&ctx, &mesh), BW_E_CHECK);
+    assert_non_null(strstr(ctx.error.message, "block 21474"));
+    bw_hex_mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
+static void a_check_that_is_cancelled_ends_and_says_so(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_hex_mesh mesh;
+    volatile sig_atomic_t cancel = 1;
+    bw_context_init(&ctx);
+    hex_kit_sample(&ctx, HEX_KIT_TEE, &mesh);
+    ctx.cancel = &cancel;
+    assert_int_equal(bw_hex_mesh_check(&ctx, &mesh), BW_E_CANCELLED);
+    bw_hex_mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory.used, 0);
+}
+
 static bw_status check_again(bw_context *ctx, void *user) { return bw_hex_mesh_check(ctx, user); }
 
 static void each_allocation_may_fail(void **state) {
@@ -150,6 +180,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_made_of_blocks_are_valid),
         cmocka_unit_test(every_damage_is_named),
+        cmocka_unit_test(ids_of_blocks_may_be_far_apart),
+        cmocka_unit_test(a_check_that_is_cancelled_ends_and_says_so),
         cmocka_unit_test(each_allocation_may_fail),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
