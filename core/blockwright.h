@@ -56,7 +56,7 @@ typedef struct {
     bw_igm_route route;    /* how reparametrize makes the map */
     int max_map_work;      /* work limit of a map, in steps of optimization; one that needs more is given up for another route or size */
     int subdivide;         /* hexes along the edge of a unit of the quantization: 1..1000 */
-    uint64_t max_hexes;    /* work limit of extract (BW_E_LIMIT beyond) */
+    uint64_t max_hexes;    /* work limit of extract; a quantization that promises more is refused before its map is made (BW_E_LIMIT) */
     bool smooth;           /* extract also moves the vertices of the hex mesh, on the surface, to better shapes */
     unsigned hex_formats;  /* bit 1 << bw_hex_format: encode writes the hex mesh, if there is one, as that */
     int bwh_bits;          /* bits of a coordinate in hexmesh.bwh, over the box of the mesh: 1..24; 0: lossless */

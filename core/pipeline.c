@@ -256,7 +256,7 @@ static bw_status run_reparametrize(bw_context *ctx, const bw_options *options, b
     (void)out;
     if (!state->length) return BW_OK;
     requantizer r = {options, state};
-    bw_reparametrize_options how = {options->route, options->max_map_work, requantize, &r};
+    bw_reparametrize_options how = {options->route, options->max_map_work, options->subdivide, options->max_hexes, requantize, &r};
     return bw_reparametrize(ctx, &state->cells, &state->complex, &how, &state->length, &state->igm, &state->has_igm, &state->report);
 }
 

@@ -47,6 +47,13 @@ static bw_status list_squares(bw_context *ctx, bw_hex_plan *plan) {
     return BW_OK;
 }
 
+bw_status bw_hex_plan_limit(bw_context *ctx, uint64_t hexes, int32_t subdivide, uint64_t max_hexes) {
+    __int128 all = (__int128)hexes * subdivide * subdivide * subdivide;
+    if (all <= (__int128)max_hexes) return BW_OK;
+    unsigned long long told = all > UINT64_MAX ? UINT64_MAX : (unsigned long long)all;
+    return bw_fail(ctx, BW_E_LIMIT, "the hex mesh would have %llu hexes, more than %llu", told, (unsigned long long)max_hexes);
+}
+
 bw_status bw_hex_plan_init(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, int32_t subdivide, bw_hex_plan *plan) {
     memset(plan, 0, sizeof *plan);
     plan->subdivide = subdivide;

@@ -35,6 +35,8 @@ typedef struct {
 
 typedef enum { BW_PLAN_CUBE, BW_PLAN_OUTSIDE, BW_PLAN_NOTHING } bw_plan_step;
 
+/* BW_E_LIMIT if so many hexes, each cut in subdivide^3, are more than max_hexes. */
+bw_status bw_hex_plan_limit(bw_context *ctx, uint64_t hexes, int32_t subdivide, uint64_t max_hexes);
 /* BW_E_CHECK if the lengths are not valid; BW_E_LIMIT beyond 2^32 - 1 hexes. After a failure too *plan is to be cleared. */
 bw_status bw_hex_plan_init(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const int64_t *length, int32_t subdivide, bw_hex_plan *plan);
 void bw_hex_plan_clear(bw_context *ctx, bw_hex_plan *plan);

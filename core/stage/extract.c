@@ -16,11 +16,6 @@ static double seconds_since(double *since) {
     return passed;
 }
 
-static bw_status check_limit(bw_context *ctx, const bw_hex_plan *plan, uint64_t most) {
-    return plan->cubes <= most ? BW_OK
-                               : bw_fail(ctx, BW_E_LIMIT, "the hex mesh would have %llu hexes, more than %llu", (unsigned long long)plan->cubes, (unsigned long long)most);
-}
-
 static bw_status from_blocks(bw_context *ctx, const bw_hex_plan *plan, bw_hex_mesh *hex) {
     const bw_verifier *v = &plan->verifier;
     bw_atlas atlas = {0};
@@ -74,7 +69,7 @@ static bw_status make(bw_context *ctx, const bw_extract_input *in, int32_t subdi
     bw_hex_plan plan;
     double since = bw_seconds_now();
     bw_status status = bw_hex_plan_init(ctx, in->cells, in->complex, in->length, subdivide, &plan);
-    if (status == BW_OK) status = check_limit(ctx, &plan, most);
+    if (status == BW_OK) status = bw_hex_plan_limit(ctx, plan.cubes, 1, most);
     if (status == BW_OK && igm) status = from_map(ctx, &plan, igm, most, hex, report);
     else if (status == BW_OK) status = from_blocks(ctx, &plan, hex), report->extract.seconds = seconds_since(&since);
     bw_progress(ctx, 0.6);

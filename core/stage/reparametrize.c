@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "hex/plan.h"
 #include "igm/blockwise.h"
 #include "igm/parametrize.h"
 
@@ -45,6 +46,9 @@ static void report_map(job *j, const bw_parametrize_report *r) {
     j->report->reparametrize.seconds_verify += r->seconds_verify;
 }
 
+/* Whether extract would take the present lengths. */
+static bw_status check_size(const job *j) { return bw_hex_plan_limit(j->ctx, j->report->quantization.hexes, j->options->subdivide, j->options->max_hexes); }
+
 /* The quality route for the present lengths; j->valid tells whether there is a map. */
 static bw_status try_map(job *j) {
     bw_atlas atlas = {0};
@@ -52,7 +56,8 @@ static bw_status try_map(job *j) {
     bw_parametrize_report found = {0};
     double since = bw_seconds_now();
     j->valid = false;
-    bw_status status = bw_atlas_init(j->ctx, j->cells, j->complex, *j->length, &atlas);
+    bw_status status = check_size(j);
+    if (status == BW_OK) status = bw_atlas_init(j->ctx, j->cells, j->complex, *j->length, &atlas);
     if (status == BW_OK) status = bw_atlas_check(j->ctx, &atlas);
     if (status == BW_OK) status = bw_frame_init(j->ctx, &atlas, &frame);
     if (status == BW_OK) status = bw_frame_check(j->ctx, &frame);
@@ -71,7 +76,8 @@ static bw_status try_map(job *j) {
 static bw_status prove_blocks(job *j) {
     bw_atlas atlas = {0};
     bw_blockwise map = {0};
-    bw_status status = bw_atlas_init(j->ctx, j->cells, j->complex, *j->length, &atlas);
+    bw_status status = check_size(j);
+    if (status == BW_OK) status = bw_atlas_init(j->ctx, j->cells, j->complex, *j->length, &atlas);
     if (status == BW_OK) status = bw_atlas_check(j->ctx, &atlas);
     if (status == BW_OK) status = bw_blockwise_init(j->ctx, &atlas, &map);
     if (status == BW_OK) status = bw_blockwise_check(j->ctx, &map);

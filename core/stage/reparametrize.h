@@ -19,13 +19,16 @@ typedef bw_status bw_requantize(bw_context *ctx, void *user, bool positive, uint
 
 typedef struct {
     bw_igm_route route;
-    int max_work; /* for the map of one quantization: see bw_parametrize */
+    int max_work;       /* for the map of one quantization: see bw_parametrize */
+    int32_t subdivide;  /* what extract will make of these lengths: a mesh with more than max_hexes is refused before its map is made */
+    uint64_t max_hexes;
     bw_requantize *requantize;
     void *user;
 } bw_reparametrize_options;
 
-/* (*length)[arc] may be replaced. *mapped: *igm is the map; else it is empty, and lengths are positive: the guaranteed route. Fills report->reparametrize. Errors: BW_E_ALGORITHM if the route quality alone is
- * wanted and fails; BW_E_CHECK; BW_E_MEMORY, BW_E_CANCELLED; those of requantize. */
+/* (*length)[arc] may be replaced. *mapped: *igm is the map; else it is empty, and lengths are positive: the guaranteed route. Fills report->reparametrize. Requires
+ * report->quantization. Errors: BW_E_LIMIT with the number of hexes if there would be more than max_hexes; BW_E_ALGORITHM if the route quality alone is wanted and fails; BW_E_CHECK;
+ * BW_E_MEMORY, BW_E_CANCELLED; those of requantize. */
 bw_status bw_reparametrize(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, const bw_reparametrize_options *options, int64_t **length,
                            bw_igm *igm, bool *mapped, bw_report *report);
 

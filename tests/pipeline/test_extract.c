@@ -86,14 +86,29 @@ static void a_ring_of_one_hex_is_cut_in_three(void **state) {
     json_decref(report);
 }
 
-static void too_many_hexes_are_refused_with_their_number(void **state) {
+static void too_many_hexes_are_refused_with_their_number_before_a_map_is_made(void **state) {
+    (void)state;
+    static const char *const routes[] = {"auto", "quality", "guaranteed"};
+    for (int i = 0; i < 3; i++) {
+        bw_context ctx;
+        char words[80], options[160];
+        snprintf(options, sizeof options, "{\"quantize\": \"positive\", \"scale\": 0, \"subdivide\": 10, \"max_hexes\": 999, \"route\": \"%s\"}", routes[i]);
+        json_t *report = run(sample("ball"), options, &ctx, BW_E_LIMIT);
+        snprintf(words, sizeof words, "would have %lld hexes, more than 999", 1000 * count(report, "quantization", "hexes"));
+        if (!strstr(ctx.error.message, words)) fail_msg("\"%s\" expected in: %s", words, ctx.error.message);
+        assert_string_equal(ctx.stage, "reparametrize");
+        json_decref(report);
+    }
+}
+
+static void as_many_hexes_as_may_be_are_made(void **state) {
     (void)state;
     bw_context ctx;
-    char words[80];
-    json_t *report = run(sample("ball"), "{\"quantize\": \"positive\", \"scale\": 0, \"subdivide\": 10, \"max_hexes\": 999}", &ctx, BW_E_LIMIT);
-    snprintf(words, sizeof words, "would have %lld hexes, more than 999", 1000 * count(report, "quantization", "hexes"));
-    if (!strstr(ctx.error.message, words)) fail_msg("\"%s\" expected in: %s", words, ctx.error.message);
+    char options[120];
+    json_t *report = run(sample("ball"), "{\"quantize\": \"positive\", \"scale\": 0, \"until\": \"quantize\"}", &ctx, BW_OK);
+    snprintf(options, sizeof options, "{\"quantize\": \"positive\", \"scale\": 0, \"subdivide\": 2, \"max_hexes\": %lld}", 8 * count(report, "quantization", "hexes"));
     json_decref(report);
+    json_decref(run(sample("ball"), options, &ctx, BW_OK));
 }
 
 int main(void) {
@@ -101,7 +116,8 @@ int main(void) {
         cmocka_unit_test(the_mesh_has_as_many_hexes_as_were_promised),
         cmocka_unit_test(hexes_are_cut_where_that_is_asked_for),
         cmocka_unit_test(a_ring_of_one_hex_is_cut_in_three),
-        cmocka_unit_test(too_many_hexes_are_refused_with_their_number),
+        cmocka_unit_test(too_many_hexes_are_refused_with_their_number_before_a_map_is_made),
+        cmocka_unit_test(as_many_hexes_as_may_be_are_made),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
 }
