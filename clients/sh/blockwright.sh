@@ -14,8 +14,8 @@ Usage: blockwright.sh COMMAND ...
          [--explore none|auto|enumerate|swap|enumerate+swap|anneal|exact] [--explore-cost blocks|bits|bits-by-block|cubes|weighted]
          [--explore-weights W,W,W,W] [--explore-expand random|cheapest] [--beam N] [--seed N] [--explore-work N] [--explore-time SECONDS]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
-         [--route auto|quality|guaranteed] [--subdivide N] [--smooth on|off] [--hex-formats F,F,...] [--bwh-bits N]
-         [--name TEXT] [--wait] [--out DIR]
+         [--route auto|quality|guaranteed] [--max-map-work N] [--subdivide N] [--max-hexes N] [--smooth on|off]
+         [--hex-formats F,F,...] [--bwh-bits N] [--tmesh] [--name TEXT] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
   watch ID           wait until job ID has ended
@@ -236,11 +236,14 @@ submit() {
     [ -z "$quantize" ] || options="${options:+$options, }\"quantize\": $(quoted "$quantize")"
     [ -z "$size" ] || options="${options:+$options, }$size"
     [ -z "$route" ] || options="${options:+$options, }\"route\": $(quoted "$route")"
+    [ -z "$map_work" ] || options="${options:+$options, }\"max_map_work\": $map_work"
+    [ -z "$max_hexes" ] || options="${options:+$options, }\"max_hexes\": $max_hexes"
     [ -z "$subdivide" ] || options="${options:+$options, }\"subdivide\": $subdivide"
     [ -z "$smooth" ] || options="${options:+$options, }\"smooth\": $(quoted "$smooth")"
     [ -z "$formats" ] || options="${options:+$options, }\"hex_formats\": [$(quoted "$formats" | sed 's/,/", "/g')]"
     [ -z "$bits" ] || options="${options:+$options, }\"bwh_bits\": $bits"
     [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
+    [ $tmesh = no ] || options="${options:+$options, }\"tmesh\": \"yes\""
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
     printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
         "$options" >"$work/request"
@@ -388,8 +391,10 @@ server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
 quiet=no
 wait=no
 repair=no
+tmesh=no
 route=
 subdivide=
+map_work= max_hexes=
 smooth=
 formats= bits=
 rounding=no
@@ -416,9 +421,10 @@ while [ $# -gt 0 ]; do
     --wait | -w) wait=yes ;;
     --repair) repair=yes ;;
     --rounding) rounding=yes ;;
+    --tmesh) tmesh=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --subdivide | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
+    --server | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -440,6 +446,8 @@ while [ $# -gt 0 ]; do
         --scale) number "$1" "$2" && size="\"scale\": $2" ;;
         --target-hexes) number "$1" "$2" && size="\"target_hexes\": $2" ;;
         --route) route=$2 ;;
+        --max-map-work) number "$1" "$2" && map_work=$2 ;;
+        --max-hexes) number "$1" "$2" && max_hexes=$2 ;;
         --subdivide) number "$1" "$2" && subdivide=$2 ;;
         --smooth) smooth=$2 ;;
         --hex-formats) formats=$2 ;;

@@ -6,7 +6,7 @@
 
 #include "clients/daemon.h"
 
-enum { WORDS = 18, ID_MAX = 65 };
+enum { WORDS = 24, ID_MAX = 65 };
 
 static daemon_here here;
 static const char *part; /* the input all tests use */
@@ -24,7 +24,10 @@ static kit_result call(client which, const char *const words[]) {
     int n = 0;
     if (which == SH_CLIENT) argv[n++] = "sh";
     argv[n++] = which == SH_CLIENT ? BW_SOURCE_DIR "/clients/sh/blockwright.sh" : kit_program("blockwright");
-    for (int i = 0; i < WORDS && words[i]; i++) argv[n++] = words[i];
+    for (int i = 0; words[i]; i++) {
+        assert_true(i < WORDS);
+        argv[n++] = words[i];
+    }
     argv[n++] = "--server";
     argv[n++] = here.url;
     return kit_run(argv);
@@ -116,7 +119,7 @@ static void options_reach_the_job(void **state) {
 
 static void a_hex_mesh_comes_home_as_a_local_run_makes_it(void **state) {
     (void)state;
-#define HEXES "--quantize", "any", "--target-hexes", "100", "--subdivide", "2", "--route", "quality", "--smooth", "off", "--hex-formats", "msh,bwh"
+#define HEXES "--quantize", "any", "--target-hexes", "100", "--subdivide", "2", "--route", "quality", "--smooth", "off", "--hex-formats", "msh,bwh", "--max-map-work", "300", "--tmesh"
     kit_result r = kit_run((const char *[]){kit_program("blockwright"), "run", part, HEXES, "--out", kit_temp_path("local-hexes"), NULL});
     if (r.exit != 0) fail_msg("local run: exit %d\n%s", r.exit, r.err);
     kit_result_clear(&r);
@@ -126,6 +129,10 @@ static void a_hex_mesh_comes_home_as_a_local_run_makes_it(void **state) {
         kit_result_clear(&r);
         expect_same(hexes, kit_temp_path("local-hexes"), out);
         assert_false(kit_exists(kit_temp_path("%s-hexes/hexmesh.vtu", client_name[c])));
+        assert_true(kit_exists(kit_temp_path("%s-hexes/tmesh.json", client_name[c])));
+        r = call(c, (const char *[]){"submit", part, HEXES, "--max-hexes", "100", "--wait", "--quiet", NULL});
+        if (r.exit != 4 || !strstr(r.err, "more than 100 ")) fail_msg("exit %d\n%s", r.exit, r.err);
+        kit_result_clear(&r);
     }
 #undef HEXES
 }
