@@ -23,6 +23,7 @@ typedef struct {
     bw_frame *f;
     double unit;            /* hexes per grid unit of the input's map: equal volumes */
     double left;            /* of the work limit */
+    double shown, share;    /* progress of the stage where what runs began, and its part: a third is least squares */
     size_t tets_before;
     bw_untangle_tet *tet;
     double *weight, *x;
@@ -128,6 +129,7 @@ static bw_status fit(maker *m, shape wanted) {
     for (int rounds = affordable(m, STIFFENINGS); (round < rounds || !round) && inverted && status == BW_OK; round++) {
         if ((status = bw_poll(m->ctx)) || (status = bw_untangler_fit(m->ctx, m->u, m->weight, (const double(*)[3][3])m->target, m->x))) break;
         spend(m, 1);
+        bw_progress(m->ctx, m->shown + m->share / 3 * (round + 1) / STIFFENINGS);
         inverted = count_inverted(m);
         if (!round && !m->report->restarts) m->report->inverted_fit = inverted;
         if (inverted < fewest) memcpy(best, m->x, m->f->variable_count * sizeof *best), fewest = inverted;
@@ -146,6 +148,7 @@ static bw_status untangle(maker *m, double from, int polish) {
     double since = bw_seconds_now();
     bw_untangle_options options = untangling;
     options.rounds = affordable(m, untangling.rounds), options.polish = polish, options.from = from;
+    options.shown = m->shown + m->share / 3, options.share = m->share * 2 / 3;
     bw_status status = bw_untangler_run(m->ctx, m->u, &options, m->x, &m->last);
     spend(m, m->last.iterations);
     m->report->iterations += m->last.iterations;
@@ -214,14 +217,17 @@ static bw_status start(maker *m) {
     bw_status status = m->ctx->error.status;
     size_t fewest = SIZE_MAX; /* inverted tets; a map that winds too often is worse than any */
     static const shape near[] = {SHAPE_MAP, SHAPE_BLOCKS};
+    double shown = m->shown;
+    m->share /= SHAPES;
     for (int i = 0; i < SHAPES && !m->report->valid && m->left >= 1 && status == BW_OK; i++) {
         m->report->restarts = i;
+        m->shown = shown + i * m->share;
         if ((status = pose(m, SHAPE_BLOCKS)) || (status = fit(m, near[i])) || (status = untangle(m, 0, untangling.polish)) || (status = conclude(m))) break;
         if (m->last.inverted && m->last.inverted < fewest) {
             fewest = m->last.inverted;
             for (size_t t = 0; t < m->f->tet_count; t++) memcpy(u[t], m->f->tet[t].u, sizeof u[t]);
         }
-        bw_progress(m->ctx, 0.3 * (i + 1));
+        bw_progress(m->ctx, m->shown + m->share);
     }
     if (status == BW_OK && !m->report->valid && fewest < SIZE_MAX) {
         m->report->inverted_untangled = m->report->inverted = m->last.inverted = fewest;
@@ -233,13 +239,14 @@ static bw_status start(maker *m) {
 }
 
 bw_status bw_parametrize(bw_context *ctx, const bw_atlas *atlas, bw_frame *frame, int max_work, bw_igm *igm, bw_parametrize_report *report) {
-    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .igm = igm, .report = report, .left = max_work, .tets_before = frame->tet_count};
+    maker m = {.ctx = ctx, .atlas = atlas, .f = frame, .igm = igm, .report = report, .left = max_work, .tets_before = frame->tet_count, .share = 0.6};
     *report = (bw_parametrize_report){0};
     memset(igm, 0, sizeof *igm);
     set_units(&m);
     bw_status status = start(&m);
     size_t hopeless = 10 * m.last.inverted + 50;
     for (int i = 0; i < REFINEMENTS && !report->valid && m.last.inverted < hopeless && m.left >= 1 && status == BW_OK; i++) {
+        m.shown = 0.6 + 0.3 * i / REFINEMENTS, m.share = 0.3 / REFINEMENTS;
         if (m.last.inverted) {
             status = refine(&m);
         } else {

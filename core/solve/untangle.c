@@ -271,6 +271,7 @@ static bw_status descend(bw_context *ctx, bw_untangler *u, const bw_untangle_opt
         double before, after;
         if (take_step(ctx, u, x, &before, &after)) return ctx->error.status;
         report->rounds++, report->iterations++;
+        if (options->share > 0) bw_progress(ctx, options->shown + options->share * report->rounds / options->rounds);
         report->inverted = count_inverted(u, &report->smallest);
         waited = report->inverted < fewest ? 0 : waited + 1;
         failures = after < before ? 0 : failures + 1;

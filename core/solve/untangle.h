@@ -27,6 +27,7 @@ typedef struct {
     int polish;     /* steps at most afterwards */
     double from;    /* the first eps is this part of the most negative determinant; 0: 1, for a start far from valid */
     double settled; /* stop when such a step gains less than this part of the energy */
+    double shown, share; /* progress of the stage at the start, and what `rounds` steps add to it; share 0: not reported */
 } bw_untangle_options;
 
 typedef struct {

@@ -111,12 +111,40 @@ static void as_many_hexes_as_may_be_are_made(void **state) {
     json_decref(run(sample("ball"), options, &ctx, BW_OK));
 }
 
+typedef struct {
+    int steps;
+    double last;
+} shown;
+
+static void watch_map(void *user, const char *stage, double fraction) {
+    shown *s = user;
+    if (strcmp(stage, "reparametrize")) return;
+    assert_true(fraction >= s->last);
+    s->steps += fraction > s->last, s->last = fraction;
+}
+
+static void progress_is_shown_while_a_map_is_made(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_options options;
+    shown seen = {0};
+    static const char json[] = "{\"quantize\": \"positive\", \"route\": \"quality\", \"until\": \"reparametrize\"}";
+    const char *input = sample("ball");
+    bw_context_init(&ctx);
+    bw_options_defaults(&options);
+    kit_expect_ok(&ctx, bw_options_from_json(&ctx, &options, json, strlen(json)));
+    ctx.progress = watch_map, ctx.user = &seen;
+    kit_expect_ok(&ctx, bw_run(&ctx, &options, input, kit_temp_path("out")));
+    assert_true(seen.steps > 2);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_mesh_has_as_many_hexes_as_were_promised),
         cmocka_unit_test(hexes_are_cut_where_that_is_asked_for),
         cmocka_unit_test(a_ring_of_one_hex_is_cut_in_three),
         cmocka_unit_test(too_many_hexes_are_refused_with_their_number_before_a_map_is_made),
+        cmocka_unit_test(progress_is_shown_while_a_map_is_made),
         cmocka_unit_test(as_many_hexes_as_may_be_are_made),
     };
     return kit_exit(cmocka_run_group_tests(tests, NULL, NULL), sizeof tests / sizeof *tests);
