@@ -24,6 +24,8 @@
 
 enum { LOG_MOST = 4 << 20, TERM_GRACE_MS = 3000, RETRY_PAUSE_MS = 100, PAGE = 64 };
 
+_Static_assert((int)BW_NOTE_TEXT > (int)BW_FRAME_NOTE_MOST, "a note has to fit");
+
 typedef enum { KEEP, STOP_CANCELLED, STOP_TIME, STOP_PROTOCOL, STOP_DAEMON } stop_reason;
 
 typedef struct {
@@ -33,7 +35,9 @@ typedef struct {
     char key[BW_SHA256_TEXT];
     int channel, log; /* -1: closed */
     size_t logged;
-    double progress; /* under lock */
+    double progress;         /* under lock */
+    char note[BW_NOTE_TEXT]; /* under lock; printable ASCII */
+    bool asked;              /* it was sent SIGUSR1 */
     int64_t started, deadline, kill_at; /* monotonic; kill_at 0: no SIGKILL pending */
     stop_reason reason;
     json_t *result;
@@ -47,7 +51,7 @@ struct bw_dispatch {
     int spawner, wake, fatal;
     uint64_t tokens;
     pthread_t thread;
-    pthread_mutex_t lock; /* progress and job id of the slots, for other threads */
+    pthread_mutex_t lock; /* progress, note and job id of the slots, for other threads */
     atomic_bool stopping, alive;
     slot *slots;
 };
@@ -60,6 +64,13 @@ static void stop_worker(bw_dispatch *d, slot *s, stop_reason reason, int signal)
     if (s->reason == KEEP) s->reason = reason;
     bw_spawner_kill(d->spawner, s->token, signal);
     if (signal == SIGTERM) s->kill_at = bw_mono_ms() + TERM_GRACE_MS;
+}
+
+/* Tells the worker to settle for the best found, once, if the job's owner has asked for it and the worker is listening. */
+static void ask_to_finish(bw_dispatch *d, slot *s) {
+    if (!s->job.finish || s->asked || !s->decoder.hello || s->reason != KEEP) return;
+    s->asked = true;
+    bw_spawner_kill(d->spawner, s->token, SIGUSR1);
 }
 
 static void append_log(slot *s, const char *text, size_t size) {
@@ -86,10 +97,20 @@ static bool hello_fits(const slot *s, const bw_frame *frame) {
     return fits;
 }
 
+static void take_note(bw_dispatch *d, slot *s, const bw_frame *frame) {
+    pthread_mutex_lock(&d->lock);
+    for (size_t i = 0; i < frame->size; i++) s->note[i] = frame->data[i] >= 0x20 && frame->data[i] < 0x7f ? (char)frame->data[i] : '?';
+    s->note[frame->size] = '\0';
+    pthread_mutex_unlock(&d->lock);
+    log_text(s, s->note);
+}
+
 static bool take_frame(bw_dispatch *d, slot *s, const bw_frame *frame) {
     switch (frame->type) {
     case BW_FRAME_HELLO:
-        return hello_fits(s, frame);
+        if (!hello_fits(s, frame)) return false;
+        ask_to_finish(d, s);
+        return true;
     case BW_FRAME_PROGRESS:
         pthread_mutex_lock(&d->lock);
         s->progress = bw_frame_progress(frame);
@@ -97,6 +118,9 @@ static bool take_frame(bw_dispatch *d, slot *s, const bw_frame *frame) {
         return true;
     case BW_FRAME_LOG:
         append_log(s, (const char *)frame->data, frame->size);
+        return true;
+    case BW_FRAME_NOTE:
+        take_note(d, s, frame);
         return true;
     case BW_FRAME_RESULT:
         s->result = json_loadb((const char *)frame->data, frame->size, JSON_REJECT_DUPLICATES, NULL);
@@ -146,12 +170,18 @@ static void release(bw_dispatch *d, slot *s) {
     pthread_mutex_unlock(&d->lock);
 }
 
+/* The key of the output that the job's stage makes or has made. */
+static bool key_of(const bw_job *job, const json_t *options, int stage, char key[BW_SHA256_TEXT]) {
+    bool own = job->cut && stage + 1 >= job->cut;
+    return bw_cache_key(job->input, job->parameters, options, stage, own ? job->id : "", key);
+}
+
 /* The file that the stage reads: the upload, or the state that the stage before has left in the cache. */
 static int open_input(bw_dispatch *d, const bw_job *job, const json_t *options) {
     char key[BW_SHA256_TEXT];
     uint64_t bytes;
     if (job->stage == 0) return bw_store_open_blob(d->store, job->input, &bytes);
-    if (!bw_cache_key(job->input, job->parameters, options, job->stage - 1, key)) return -1;
+    if (!key_of(job, options, job->stage - 1, key)) return -1;
     return bw_store_open_cached(d->store, key, NULL, &bytes);
 }
 
@@ -216,12 +246,14 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     s->job = *job;
     memset(job, 0, sizeof *job); /* moved */
     s->progress = 0;
+    *s->note = '\0';
     pthread_mutex_unlock(&d->lock);
     snprintf(s->key, sizeof s->key, "%s", key);
     s->token = ++d->tokens;
     s->started = bw_mono_ms();
     s->deadline = s->started + (int64_t)d->config->stage_wall_seconds * 1000;
     s->kill_at = 0;
+    s->asked = false;
     s->logged = 0;
     s->reason = KEEP;
     s->result = NULL;
@@ -241,7 +273,7 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job) {
         char key[BW_SHA256_TEXT];
         bool cached;
         slot *s = free_slot(d);
-        if (!bw_cache_key(job->input, job->parameters, options, job->stage, key) || key_is_busy(d, key)) break;
+        if (!key_of(job, options, job->stage, key) || key_is_busy(d, key)) break;
         status = is_cached(d, key, &cached);
         if (status != BW_OK || (!cached && !s)) break;
         if (!cached) {
@@ -309,12 +341,23 @@ static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char
     return status;
 }
 
+/* An output that depends on when somebody asked for it is for the job of the asking only. */
+static bool claim_output(slot *s) {
+    json_t *options = json_loads(s->job.options, 0, NULL);
+    if (!s->job.cut) s->job.cut = s->job.stage + 1;
+    bool good = options && key_of(&s->job, options, s->job.stage, s->key);
+    json_decref(options);
+    return good;
+}
+
 /* The worker says it is done: files its output and books the stage. Frees the slot. */
 static bw_status succeed(bw_dispatch *d, slot *s) {
     uint64_t bytes;
     json_t *manifest = NULL;
     bool done = false, last = s->job.stage + 1 == s->job.stage_count;
-    bw_status status = bw_attempt_publish(d->store, s->job.id, s->job.attempt, s->key, &bytes, &manifest);
+    bool cut = json_is_true(json_object_get(s->result, "cut"));
+    bw_status status = cut && !claim_output(s) ? BW_E_MEMORY : BW_OK;
+    if (status == BW_OK) status = bw_attempt_publish(d->store, s->job.id, s->job.attempt, s->key, &bytes, &manifest);
     if (status == BW_OK && (manifest != NULL) != (s->job.stage == BW_API_STAGE_COUNT - 1)) status = BW_E_CHECK;
     if (status != BW_OK) {
         json_decref(manifest);
@@ -324,7 +367,7 @@ static bw_status succeed(bw_dispatch *d, slot *s) {
     }
     char *text = manifest ? json_dumps(manifest, JSON_COMPACT) : NULL;
     json_decref(manifest);
-    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, s->key, bytes, text, bw_now_ms(), &done);
+    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, s->key, bytes, text, cut, bw_now_ms(), &done);
     free(text);
     tell_end(s, "ok", done);
     if (done && last) bw_event(BW_INFO, "job.successful", "job=%s", s->job.id);
@@ -394,7 +437,7 @@ static bw_status read_spawner(bw_dispatch *d) {
     return gone ? BW_E_IO : status;
 }
 
-/* Cancels, deadlines and the end of the daemon. */
+/* Cancels, finishes, deadlines and the end of the daemon. */
 static bw_status watch_running(bw_dispatch *d, bool woken) {
     int64_t now = bw_mono_ms();
     for (int i = 0; i < d->config->workers; i++) {
@@ -407,7 +450,9 @@ static bw_status watch_running(bw_dispatch *d, bool woken) {
             bool found;
             bw_status status = bw_queue_get(d->queue, s->job.id, &job, &found);
             if (status != BW_OK) return status;
+            s->job.finish = found && job.finish;
             if (found && job.cancel) stop_worker(d, s, STOP_CANCELLED, SIGTERM);
+            else ask_to_finish(d, s);
             bw_job_clear(&job);
         }
         if (s->kill_at && now >= s->kill_at) {
@@ -495,11 +540,16 @@ void bw_dispatch_wake(bw_dispatch *d) {
     while (write(d->wake, &one, sizeof one) < 0 && errno == EINTR) continue;
 }
 
-double bw_dispatch_progress(bw_dispatch *d, const char *job) {
+double bw_dispatch_progress(bw_dispatch *d, const char *job, char note[BW_NOTE_TEXT]) {
     double progress = 0;
+    *note = '\0';
     pthread_mutex_lock(&d->lock);
-    for (int i = 0; i < d->config->workers; i++)
-        if (d->slots[i].busy && strcmp(d->slots[i].job.id, job) == 0) progress = d->slots[i].progress;
+    for (int i = 0; i < d->config->workers; i++) {
+        const slot *s = &d->slots[i];
+        if (!s->busy || strcmp(s->job.id, job) != 0) continue;
+        progress = s->progress;
+        memcpy(note, s->note, sizeof s->note);
+    }
     pthread_mutex_unlock(&d->lock);
     return progress;
 }

@@ -4,7 +4,9 @@
  * Invariants
  *  1. An attempt ends when the spawner has reported the worker's exit, never earlier: not by a result alone, not by time.
  *  2. Outputs are filed in the cache before the queue hears of them, and only for the attempt that is still the job's.
- *  3. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
+ *  3. Once a finish is noted, a worker gets SIGUSR1 when it has said hello (or later, as soon as the note is seen). If its search
+ *     was cut by that, the output is filed under a key with the job's id, as all that the job makes after it; nobody else is served it.
+ *  4. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
  *
  * How an ended attempt is judged (judge() in dispatch.c), first match counts:
  *     the daemon is stopping                      interrupted, given back to the queue
@@ -30,9 +32,10 @@ typedef struct bw_dispatch bw_dispatch;
  * can do no more work and the daemon should end. */
 bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, int spawner, int fatal,
                             bw_dispatch **dispatch);
-void bw_dispatch_wake(bw_dispatch *dispatch); /* a job was added or cancelled */
-/* Progress of the running stage of a job, 0 if it does not run. */
-double bw_dispatch_progress(bw_dispatch *dispatch, const char *job);
+void bw_dispatch_wake(bw_dispatch *dispatch); /* a job was added, cancelled, or asked to finish */
+enum { BW_NOTE_TEXT = 201 };
+/* Progress of the running stage of a job and the best its search has found so far, 0 and "" if it does not run. */
+double bw_dispatch_progress(bw_dispatch *dispatch, const char *job, char note[BW_NOTE_TEXT]);
 bool bw_dispatch_alive(bw_dispatch *dispatch);
 /* Ends the running attempts (given back to the queue), joins the thread and frees. */
 void bw_dispatch_stop(bw_dispatch *dispatch);

@@ -148,12 +148,13 @@ static bool add_stage(bw_digest *digest, const bw_api_stage *stage, const json_t
 }
 
 bool bw_cache_key(const char *input_sha256, const char *parameters_sha256, const json_t *all, int stage,
-                  char key[BW_SHA256_TEXT]) {
+                  const char *owner, char key[BW_SHA256_TEXT]) {
     static const char format[] = "blockwright cache 1\n"; /* raise the number when what follows changes its meaning */
     bw_digest *digest = bw_digest_new();
     bool good = digest && add_text(digest, format) && add_text(digest, input_sha256) && add_text(digest, "\n");
     if (good && *parameters_sha256)
         good = add_text(digest, "parameters ") && add_text(digest, parameters_sha256) && add_text(digest, "\n");
+    if (good && *owner) good = add_text(digest, "job ") && add_text(digest, owner) && add_text(digest, "\n");
     for (int i = 0; good && i <= stage; i++) good = add_stage(digest, &bw_api_stages[i], all);
     good = good && bw_digest_end(digest, key);
     bw_digest_free(digest);

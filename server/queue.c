@@ -37,7 +37,9 @@ static const char *const migrations[] = {
     "CREATE INDEX attempts_open ON attempts(job) WHERE finished = 0;"
     "CREATE TABLE outputs (key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, manifest TEXT, created INTEGER NOT NULL)"
     " WITHOUT ROWID;",
-    "ALTER TABLE jobs ADD COLUMN parameters TEXT NOT NULL DEFAULT '';"};
+    "ALTER TABLE jobs ADD COLUMN parameters TEXT NOT NULL DEFAULT '';",
+    "ALTER TABLE jobs ADD COLUMN finish INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE jobs ADD COLUMN cut INTEGER NOT NULL DEFAULT 0;"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which the partial index above spells out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&
@@ -181,7 +183,7 @@ bool bw_queue_healthy(bw_queue *q) {
 
 #define JOB_COLUMNS                                                                                                    \
     "seq, id, input, result_key, state, open, cancel, stage, stage_count, attempt, tries, created, started, finished," \
-    " name, options, failure, parameters"
+    " name, options, failure, parameters, finish, cut"
 
 static char *copy_text(sqlite3_stmt *stmt, int column) {
     const unsigned char *text = sqlite3_column_text(stmt, column);
@@ -213,6 +215,8 @@ static void read_job(sqlite3_stmt *stmt, bw_job *job) {
     job->options = copy_text(stmt, 15);
     job->failure = copy_text(stmt, 16);
     put_text(job->parameters, sizeof job->parameters, stmt, 17);
+    job->finish = sqlite3_column_int(stmt, 18) != 0;
+    job->cut = sqlite3_column_int(stmt, 19);
 }
 
 void bw_job_clear(bw_job *job) {
@@ -408,14 +412,15 @@ static bw_status close_attempt(bw_queue *q, const char *id, int attempt, const c
 #define FENCE " WHERE id = ? AND attempt = ? AND open = 1 AND state = 1"
 
 bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const char *key, uint64_t bytes,
-                           const char *manifest, int64_t now, bool *done) {
+                           const char *manifest, bool cut, int64_t now, bool *done) {
     int changes = 0;
     bw_status status = begin(q);
     if (status == BW_OK)
         status = run(q, &changes, "UPDATE jobs SET open = 0, tries = 0, interruptions = 0, due = 0, stage = stage + 1,"
                      " state = CASE WHEN stage + 1 >= stage_count THEN 2 ELSE 1 END,"
-                     " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?" FENCE, "issi",
-                     now, manifest ? key : "", id, (int64_t)attempt);
+                     " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?,"
+                     " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE, "isisi",
+                     now, manifest ? key : "", (int64_t)cut, id, (int64_t)attempt);
     if (status == BW_OK && changes) status = close_attempt(q, id, attempt, "ok", now);
     if (status == BW_OK && changes)
         status = run(q, NULL, "INSERT OR REPLACE INTO outputs (key, bytes, manifest, created) VALUES (?, ?, ?, ?)",
@@ -492,6 +497,19 @@ bw_status bw_queue_cancel(bw_queue *q, const char *id, int64_t now, bw_cancel *r
         status = run(q, NULL, "UPDATE jobs SET cancel = 1 WHERE id = ?", "s", id);
     if (status == BW_OK && *result == BW_CANCEL_DISMISSED && state != BW_JOB_DISMISSED)
         status = run(q, NULL, "UPDATE jobs SET cancel = 1, state = 4, finished = ? WHERE id = ?", "is", now, id);
+    return end(q, status);
+}
+
+bw_status bw_queue_finish(bw_queue *q, const char *id, bw_finish *result) {
+    int state = -1;
+    bw_status status = begin(q);
+    sqlite3_stmt *stmt = status == BW_OK ? query(q->writer, "SELECT state FROM jobs WHERE id = ?", "s", id) : NULL;
+    if (stmt && sqlite3_step(stmt) == SQLITE_ROW) state = sqlite3_column_int(stmt, 0);
+    if (!stmt) status = BW_E_IO;
+    sqlite3_finalize(stmt);
+    *result = state < 0 ? BW_FINISH_UNKNOWN : state == BW_JOB_QUEUED || state == BW_JOB_RUNNING ? BW_FINISH_NOTED : BW_FINISH_TOO_LATE;
+    if (status == BW_OK && *result == BW_FINISH_NOTED)
+        status = run(q, NULL, "UPDATE jobs SET finish = 1 WHERE id = ?", "s", id);
     return end(q, status);
 }
 

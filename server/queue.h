@@ -22,8 +22,9 @@
  *     running, open     dismissed          bw_queue_dismiss   its worker has stopped after a cancel
  *     queued, running   dismissed          bw_queue_cancel    no attempt under way
  *     running, open     running, open      bw_queue_cancel    cancel noted
+ *     queued, running   the same           bw_queue_finish    finish noted, for this stage and all that follow
  *     running, open     queued             bw_queue_recover, bw_queue_interrupt   the daemon went away or stops
- *     running, open     dismissed          bw_queue_recover   ... with a cancel noted
+ *     running, open     dismissed          bw_queue_recover   ... with a cancel noted; a finish noted stays so through all of these
  */
 #ifndef BW_SERVER_QUEUE_H
 #define BW_SERVER_QUEUE_H
@@ -46,9 +47,10 @@ typedef struct {
     char parameters[BW_SHA256_TEXT]; /* "": none */
     char result_key[BW_SHA256_TEXT]; /* cache key of the result folder; "" until there is one */
     bw_job_state state;
-    bool open, cancel;
+    bool open, cancel, finish;
     int stage, stage_count; /* stages done; stages to do */
     int attempt, tries;
+    int cut; /* 1 + the first stage whose search was cut by `finish`: from it on, outputs are for this job only. 0: none */
     int64_t created, started, finished; /* ms; 0: not yet */
     char *name;                         /* may be NULL */
     char *options;                      /* canonical JSON */
@@ -86,9 +88,10 @@ bw_status bw_queue_claim(bw_queue *queue, bw_job *job, int64_t now, bool *done);
 /* `result_key` is the stage's cache key if the job's results are in it, else "". */
 bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *result_key, int64_t now, bool *done);
 
-/* Ends of an attempt. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made. */
+/* Ends of an attempt. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made; `cut`: its
+ * search was ended by finish, so that this and all later outputs are for this job only. */
 bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const char *key, uint64_t bytes,
-                           const char *manifest, int64_t now, bool *done);
+                           const char *manifest, bool cut, int64_t now, bool *done);
 bw_status bw_queue_retry(bw_queue *queue, const char *id, int attempt, const char *outcome, int64_t due, int64_t now,
                          bool *done);
 bw_status bw_queue_fail(bw_queue *queue, const char *id, int attempt, const char *outcome, const char *failure,
@@ -98,6 +101,9 @@ bw_status bw_queue_interrupt(bw_queue *queue, const char *id, int attempt, int64
 
 typedef enum { BW_CANCEL_DISMISSED, BW_CANCEL_NOTED, BW_CANCEL_TOO_LATE, BW_CANCEL_UNKNOWN } bw_cancel;
 bw_status bw_queue_cancel(bw_queue *queue, const char *id, int64_t now, bw_cancel *result);
+typedef enum { BW_FINISH_NOTED, BW_FINISH_TOO_LATE, BW_FINISH_UNKNOWN } bw_finish;
+/* Notes, durably and for good, that the job's searches are to settle for the best they have found. */
+bw_status bw_queue_finish(bw_queue *queue, const char *id, bw_finish *result);
 /* To be called once before any claim: ends all attempts that a dead daemon left open. */
 bw_status bw_queue_recover(bw_queue *queue, int64_t now, int *recovered);
 

@@ -105,8 +105,9 @@ static json_t *attempts_json(bw_request *r, const char *id) {
     return list;
 }
 
-static double job_progress(bw_request *r, const bw_job *job) {
-    double stage = job->open ? bw_dispatch_progress(r->services->dispatch, job->id) : 0;
+static double job_progress(bw_request *r, const bw_job *job, char note[BW_NOTE_TEXT]) {
+    *note = '\0';
+    double stage = job->open ? bw_dispatch_progress(r->services->dispatch, job->id, note) : 0;
     return job->state == BW_JOB_SUCCESSFUL ? 1 : (job->stage + stage) / job->stage_count;
 }
 
@@ -123,13 +124,17 @@ static json_t *links_json(const bw_job *job) {
 
 static json_t *job_json(bw_request *r, const bw_job *job) {
     int stage = job->stage < job->stage_count ? job->stage : job->stage_count - 1;
+    char note[BW_NOTE_TEXT];
+    double progress = job_progress(r, job, note);
     json_t *o = json_pack("{s:s, s:s, s:s, s:s, s:i, s:i, s:f}", "id", job->id, "state", bw_job_state_names[job->state],
                           "input", job->input, "stage", bw_api_stages[stage].name, "stage_index", job->stage,
-                          "stage_count", job->stage_count, "progress", job_progress(r, job));
+                          "stage_count", job->stage_count, "progress", progress);
     if (!o) return NULL;
     if (job->name) json_object_set_new(o, "name", json_string(job->name));
     if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());
+    if (job->finish && (job->state == BW_JOB_QUEUED || job->state == BW_JOB_RUNNING)) json_object_set_new(o, "finishing", json_true());
+    if (*note) json_object_set_new(o, "note", json_string(note));
     json_object_set_new(o, "options", json_loads(job->options, 0, NULL));
     set_time(o, "created", job->created);
     set_time(o, "started", job->started);
@@ -310,6 +315,20 @@ static void job_cancel(bw_request *r) {
     job_get(r); /* 404 if it is unknown */
 }
 
+static void job_finish(bw_request *r) {
+    bw_finish result;
+    if (bw_queue_finish(r->services->queue, r->parameters[0], &result) != BW_OK) {
+        storage_problem(r);
+        return;
+    }
+    if (result == BW_FINISH_TOO_LATE) {
+        bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job has already ended; there is nothing to finish");
+        return;
+    }
+    if (result == BW_FINISH_NOTED) bw_dispatch_wake(r->services->dispatch);
+    job_get(r); /* 404 if it is unknown */
+}
+
 static void job_log(bw_request *r) {
     static const char text_plain[] = "text/plain; charset=utf-8";
     uint64_t bytes;
@@ -429,6 +448,7 @@ const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_JOB_LIST] = {NULL, job_list},
     [BW_OP_JOB_GET] = {NULL, job_get},
     [BW_OP_JOB_CANCEL] = {NULL, job_cancel},
+    [BW_OP_JOB_FINISH] = {NULL, job_finish},
     [BW_OP_JOB_LOG] = {NULL, job_log},
     [BW_OP_JOB_REPORT] = {NULL, job_report},
     [BW_OP_RESULT_LIST] = {NULL, result_list},

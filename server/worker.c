@@ -17,7 +17,8 @@
 
 enum { PROGRESS_MS = 100 };
 
-static volatile sig_atomic_t cancelled;
+static volatile sig_atomic_t cancelled, finish;
+static char pending[BW_FRAME_NOTE_MOST + 1]; /* a note that came too soon after the one before */
 static int64_t last_progress;
 
 static void on_term(int signal) {
@@ -25,9 +26,25 @@ static void on_term(int signal) {
     cancelled = 1;
 }
 
+static void on_finish(int signal) {
+    (void)signal;
+    finish = 1;
+}
+
+/* Sends the pending note, not oftener than every PROGRESS_MS unless it is the last. */
+static void send_note(bool last_one) {
+    static int64_t last;
+    int64_t now = bw_mono_ms();
+    if (!*pending || (!last_one && last && now - last < PROGRESS_MS)) return;
+    last = now;
+    bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_NOTE, pending, strlen(pending));
+    *pending = '\0';
+}
+
 static void on_progress(void *user, const char *stage, double fraction) {
     int64_t now = bw_mono_ms();
     (void)user, (void)stage;
+    send_note(false);
     if (now - last_progress < PROGRESS_MS || !(fraction >= 0 && fraction <= 1)) return;
     last_progress = now;
     bw_send_progress(BW_WORKER_CHANNEL, fraction);
@@ -38,13 +55,10 @@ static void on_log(void *user, const char *line) {
     bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_LOG, line, strlen(line));
 }
 
-/* What a search has found goes to the job's log, as far as it does not come too often. */
 static void on_note(void *user, const char *text) {
-    static int64_t last;
-    int64_t now = bw_mono_ms();
-    if (last && now - last < PROGRESS_MS) return;
-    last = now;
-    on_log(user, text);
+    (void)user;
+    snprintf(pending, sizeof pending, "%s", text);
+    send_note(false);
 }
 
 typedef struct {
@@ -72,8 +86,9 @@ static bool say_hello(bw_stage stage) {
 }
 
 static bool say_result(const bw_context *ctx, bw_status status) {
-    static const char ok[] = "{\"status\":\"ok\"}", lost[] = "{\"status\":\"memory-limit\"}";
-    if (status == BW_OK) return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, ok, sizeof ok - 1);
+    static const char ok[] = "{\"status\":\"ok\"}", cut[] = "{\"status\":\"ok\",\"cut\":true}", lost[] = "{\"status\":\"memory-limit\"}";
+    send_note(true);
+    if (status == BW_OK) return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, ctx->finished ? cut : ok, strlen(ctx->finished ? cut : ok));
     char *error = bw_error_json(ctx);
     const char *text = error ? error : lost;
     bool sent = bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, strlen(text));
@@ -104,9 +119,11 @@ int main(int argc, char **argv) {
         return 2;
     }
     signal(SIGTERM, on_term);
+    signal(SIGUSR1, on_finish);
     bw_context_init(&ctx);
     ctx.memory.limit = (size_t)a.memory;
     ctx.cancel = &cancelled;
+    ctx.finish = &finish;
     ctx.progress = on_progress;
     ctx.note = on_note;
     ctx.log = on_log;

@@ -34,11 +34,13 @@ double bw_frame_progress(const bw_frame *frame) {
     return value;
 }
 
+static size_t most_of(bw_frame_type type) { return type == BW_FRAME_NOTE ? BW_FRAME_NOTE_MOST : BW_FRAME_MOST; }
+
 static bw_status check_header(const unsigned char *h, size_t size) {
     if (h[0] != 'B' || h[1] != 'W') return BW_E_SYNTAX;
     if (h[2] != BW_WORKER_PROTOCOL) return BW_E_VERSION;
-    if (h[3] < BW_FRAME_HELLO || h[3] > BW_FRAME_RESULT) return BW_E_SYNTAX;
-    if (size > BW_FRAME_MOST || (h[3] == BW_FRAME_PROGRESS && size != 8)) return BW_E_COUNT;
+    if (h[3] < BW_FRAME_HELLO || h[3] > BW_FRAME_NOTE) return BW_E_SYNTAX;
+    if (size > most_of((bw_frame_type)h[3]) || (h[3] == BW_FRAME_PROGRESS && size != 8)) return BW_E_COUNT;
     return BW_OK;
 }
 
@@ -82,9 +84,9 @@ static bool send_all(int channel, const void *data, size_t size) {
 }
 
 bool bw_send_frame(int channel, bw_frame_type type, const void *data, size_t size) {
-    if (size > BW_FRAME_MOST) {
-        if (type != BW_FRAME_LOG) return false;
-        size = BW_FRAME_MOST;
+    if (size > most_of(type)) {
+        if (type != BW_FRAME_LOG && type != BW_FRAME_NOTE) return false;
+        size = most_of(type);
     }
     unsigned char h[BW_FRAME_HEADER] = {'B', 'W', BW_WORKER_PROTOCOL, (unsigned char)type};
     for (int i = 0; i < 4; i++) h[4 + i] = (unsigned char)(size >> 8 * i);

@@ -11,7 +11,11 @@
  *     HELLO      JSON {"stage": name, "version": n}                   first, once
  *     PROGRESS   IEEE double, little endian, 0..1                     any number
  *     LOG        one line of text without its newline                 any number
- *     RESULT     JSON {"status": "ok"} or an error as bw_error_json   last, once
+ *     RESULT     JSON {"status": "ok"} or an error as bw_error_json   last, once; ok with "cut": true says that a search ended
+ *                                                                     early because of SIGUSR1, so the output is of this run only
+ *     NOTE       the best a search has found so far, for people       any number; replaces the one before
+ *
+ * The daemon's words are signals: SIGTERM cancels, SIGUSR1 (never before HELLO) asks a search to settle for the best found.
  *
  * The daemon believes nothing of it without looking: sizes, order and JSON are checked, and RESULT ok counts only if the
  * process then ends by itself and its output is there. To change the frames raise BW_WORKER_PROTOCOL; daemon and worker
@@ -26,11 +30,11 @@
 
 #include "base/status.h"
 
-enum { BW_WORKER_PROTOCOL = 1, BW_FRAME_HEADER = 8, BW_FRAME_MOST = 65536 };
+enum { BW_WORKER_PROTOCOL = 2, BW_FRAME_HEADER = 8, BW_FRAME_MOST = 65536, BW_FRAME_NOTE_MOST = 200 };
 /* Descriptors a worker is started with; the last is open only if there is a file of parameters. */
 enum { BW_WORKER_CHANNEL = 3, BW_WORKER_INPUT, BW_WORKER_PARAMETERS };
 
-typedef enum { BW_FRAME_HELLO = 1, BW_FRAME_PROGRESS, BW_FRAME_LOG, BW_FRAME_RESULT } bw_frame_type;
+typedef enum { BW_FRAME_HELLO = 1, BW_FRAME_PROGRESS, BW_FRAME_LOG, BW_FRAME_RESULT, BW_FRAME_NOTE } bw_frame_type;
 
 typedef struct {
     bw_frame_type type;
@@ -54,7 +58,7 @@ void bw_decoder_filled(bw_decoder *decoder, size_t size);
 bool bw_decoder_next(bw_decoder *decoder, bw_frame *frame);
 double bw_frame_progress(const bw_frame *frame); /* of a PROGRESS frame: checked to be in 0..1 */
 
-/* Sends one frame, blocking. False if the daemon is gone. Longer LOG lines are cut, longer RESULTs refused. */
+/* Sends one frame, blocking. False if the daemon is gone. Longer LOG and NOTE lines are cut, longer RESULTs refused. */
 bool bw_send_frame(int channel, bw_frame_type type, const void *data, size_t size);
 bool bw_send_progress(int channel, double fraction);
 

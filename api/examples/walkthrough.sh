@@ -24,6 +24,7 @@ step job_log.sh
 step result_list.sh
 step result_get.sh
 step job_report.sh
+step job_finish.sh
 step job_cancel.sh
 step openapi.sh
 step page.sh

@@ -29,7 +29,8 @@ const cli_command cli_command_cancel = {
     .summary = "ask a job to stop",
     .about = "A queued job is dismissed at once, a running one as soon as its worker has stopped.\n"
              "Cancelling twice does no harm; a job that has already ended by itself is left as it is\n"
-             "and the exit code is 3.",
+             "and the exit code is 3. Nothing of the job is kept; to keep the best that its search has\n"
+             "found, 'finish' it.",
     .examples = "  blockwright cancel 65f0c1...e2",
     .options = options,
     .option_count = sizeof options / sizeof *options,

@@ -48,6 +48,16 @@ static bool ended(const json_t *job) {
     return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0;
 }
 
+/* The best that a search has found so far is a line of its own, when it has changed. */
+static void show_note(cli_progress *progress, const json_t *job, char *shown, size_t size) {
+    char now[204];
+    cli_safe(now, sizeof now, cli_text_of(job, "note"));
+    if (progress->quiet || !*now || !strcmp(now, shown)) return;
+    cli_progress_clear(progress);
+    fprintf(stderr, "  %s so far\n", now);
+    snprintf(shown, size, "%s", now);
+}
+
 static void show(cli_progress *progress, const json_t *job) {
     bool running = !strcmp(cli_text_of(job, "state"), "running");
     cli_progress_show(progress, running ? cli_text_of(job, "stage") : "queued",
@@ -74,11 +84,13 @@ static int exit_of_job(const char *id, const json_t *job) {
 
 int cli_watch(cli_http *http, const char *id, bool quiet) {
     double wait = 0.05;
+    char note[204] = "";
     int exit_code = CLI_INTERNAL;
     cli_progress progress;
     cli_progress_open(&progress, quiet);
     json_t *job = ask(http, id, 0, &exit_code);
     while (job && !ended(job)) {
+        show_note(&progress, job, note, sizeof note);
         show(&progress, job);
         json_decref(job);
         pause_seconds(wait);
@@ -108,7 +120,8 @@ const cli_command cli_command_watch = {
     .name = "watch",
     .synopsis = "ID [options]",
     .summary = "follow a job until it has ended",
-    .about = "Shows the stage and the progress of job ID until it is successful, failed or dismissed.\n"
+    .about = "Shows the stage and the progress of job ID, and the best that a search has found so far,\n"
+             "until it is successful, failed or dismissed.\n"
              "The exit code is the one that 'blockwright run' would have ended with, so scripts can\n"
              "rely on it. A daemon that is restarted meanwhile is waited for: its jobs go on where\n"
              "they were.",

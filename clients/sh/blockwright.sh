@@ -20,7 +20,8 @@ Usage: blockwright.sh COMMAND ...
                      --out also fetches the results
   watch ID           wait until job ID has ended
   fetch ID --out DIR bring its results home, each checked against its SHA-256
-  cancel ID          ask it to stop
+  finish ID          ask its search to settle for the best found; the job goes on with that
+  cancel ID          ask it to stop; nothing of it is kept
   ls                 list the jobs: id, state, name
   log ID             show what its workers logged
   report ID          print its report.json
@@ -345,12 +346,14 @@ fetch() {
     done <"$work/manifest"
 }
 
-cancel() {
-    request POST "/v1/jobs/$1/cancel" -d '' || silent
+# ask cancel|finish ID
+ask() {
+    request POST "/v1/jobs/$2/$1" -d '' || silent
     [ "$status" = 200 ] || complain "$work/body" '' ''
     state=$(value "$work/body" state 1)
-    [ "$(value "$work/body" cancelling 1)" != true ] || state=cancelling
-    printf '%s %s\n' "$1" "$state"
+    case $1 in cancel) doing=cancelling ;; *) doing=finishing ;; esac
+    [ "$(value "$work/body" $doing 1)" != true ] || state=$doing
+    printf '%s %s\n' "$2" "$state"
 }
 
 list() {
@@ -486,7 +489,7 @@ case $command in
 '') mistake "which command?" ;;
 ls) [ -z "$operand" ] || mistake "ls takes no operand" ;;
 submit) [ -n "$operand" ] || mistake "submit needs a FILE" ;;
-watch | fetch | cancel | log | report) check_id "$operand" ;;
+watch | fetch | finish | cancel | log | report) check_id "$operand" ;;
 *) mistake "there is no command '$command'" ;;
 esac
 case $command in
@@ -496,7 +499,7 @@ watch)
     printf '%s successful\n' "$operand"
     ;;
 fetch) fetch "$operand" ;;
-cancel) cancel "$operand" ;;
+finish | cancel) ask "$command" "$operand" ;;
 ls) list ;;
 log) show "/v1/jobs/$operand/log" ;;
 report) show "/v1/jobs/$operand/report" ;;

@@ -228,7 +228,7 @@ static void a_job_that_is_not_there_is_exit_3(void **state) {
     (void)state;
     const char *id = "0123456789abcdef01234567";
     const char *const calls[][5] = {
-        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"log", id, NULL}};
+        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"finish", id, NULL}, {"log", id, NULL}};
     for (client c = 0; c < CLIENTS; c++) {
         for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
             const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL,
@@ -262,6 +262,28 @@ static void a_cancelled_job_is_exit_4(void **state) {
         if (r.exit != (late ? 0 : 4))
             fail_msg("%s client: cancelled %s, yet watch ends with %d\n%s", client_name[c],
                      late ? "late" : "in time", r.exit, r.err);
+        kit_result_clear(&r);
+    }
+}
+
+/* Asked before or while the search runs: the job is successful, with what was found until then. */
+static void a_search_is_finished_by_either_client(void **state) {
+    (void)state;
+    const char *bearing = kit_temp_path("bearing.hexex");
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "bearing", "--size", "2", "-o", bearing, NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX];
+        r = call_well(c, (const char *[]){"submit", bearing, "--explore", "anneal", "--explore-work", "1000000000", "--explore-time", "3000",
+                                          "--quiet", NULL});
+        take_id(&r, id);
+        r = call_well(c, (const char *[]){"finish", id, NULL});
+        if (!strstr(r.out, "finishing")) fail_msg("%s client, finish: %s", client_name[c], r.out);
+        kit_result_clear(&r);
+        watch(c, id);
+        r = call(c, (const char *[]){"finish", id, NULL});
+        if (r.exit != 3 || !strstr(r.err, "[job-finished]")) fail_msg("%s client: exit %d\n%s", client_name[c], r.exit, r.err);
         kit_result_clear(&r);
     }
 }
@@ -317,6 +339,7 @@ int main(void) {
         cmocka_unit_test(names_survive_quotes_braces_and_backslashes),
         cmocka_unit_test(a_job_that_is_not_there_is_exit_3),
         cmocka_unit_test(a_cancelled_job_is_exit_4),
+        cmocka_unit_test(a_search_is_finished_by_either_client),
         cmocka_unit_test(the_log_is_there),
         cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),
     };

@@ -62,6 +62,7 @@ static const struct {
     {{"watch", "../jobs"}, "is not a job id"},
     {{"fetch", "0123"}, "--out DIR"},
     {{"cancel"}, "something is missing"},
+    {{"finish"}, "something is missing"},
     {{"ls", "x"}, "one word too many"},
     {{"ls", "--state", "asleep"}, "--state is one of"},
 };
@@ -79,7 +80,7 @@ static void a_mistaken_command_line_ends_with_2_and_says_why(void **state) {
 }
 
 static const char *const commands[] = {"run",   "sample", "show", "submit", "watch",
-                                       "fetch", "cancel", "ls",   "log"};
+                                       "fetch", "finish", "cancel", "ls",   "log"};
 
 static void every_command_explains_itself_with_examples(void **state) {
     (void)state;

@@ -38,7 +38,7 @@ static void expect_one_form(const json_t *all) {
     json_t *stored = json_loads(text, 0, NULL);
     FUZZ_EXPECT(bw_joboptions_check(stored, &again, detail, sizeof detail));
     for (int s = 0; s < BW_API_STAGE_COUNT; s++) {
-        FUZZ_EXPECT(bw_cache_key(input, "", all, s, key) && bw_cache_key(input, "", again, s, same));
+        FUZZ_EXPECT(bw_cache_key(input, "", all, s, "", key) && bw_cache_key(input, "", again, s, "", same));
         FUZZ_EXPECT(bw_is_sha256(key) && !strcmp(key, same));
     }
     FUZZ_EXPECT(bw_joboptions_stages(all) >= 1 && bw_joboptions_stages(all) <= BW_API_STAGE_COUNT);

@@ -4,6 +4,7 @@
  *     STAGE VERB [ARGUMENT]      STAGE may be * for every stage
  *
  *     sleep MS        in steps of 5 ms, with progress; SIGTERM ends it as "cancelled"
+ *     search MS       likewise, with notes; SIGUSR1 ends it, and the output says "# cut" and is announced as cut
  *     deaf            ignore SIGTERM from here on
  *     log TEXT        a log line
  *     bytes N         size of data.bin, which encode writes (default 1000)
@@ -23,6 +24,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -35,7 +37,8 @@
 #include "bw_api.h"
 #include "server/worker_proto.h"
 
-static volatile sig_atomic_t cancelled;
+static volatile sig_atomic_t cancelled, asked;
+static bool cut;
 static const bw_api_stage *stage;
 static int attempt;
 static char *script; /* the whole input, NUL-terminated */
@@ -47,6 +50,11 @@ static void on_term(int signal) {
     cancelled = 1;
 }
 
+static void on_finish(int signal) {
+    (void)signal;
+    asked = 1;
+}
+
 static void finish(const char *code) {
     char text[700];
     int n = snprintf(text, sizeof text,
@@ -54,7 +62,7 @@ static void finish(const char *code) {
                      "{\"kind\":\"tet\",\"id\":7,\"position\":[0.5,1,2]},{\"kind\":\"tet\",\"id\":9}],\"region_count\":5,\"regions\":["
                      "{\"tets\":3,\"ids\":[7,\"x\",9],\"position\":[0.5,1,2],\"box\":[[0,1,2],[1,1,2]],\"more\":1},"
                      "{\"tets\":3,\"ids\":[7],\"position\":[0.5,1],\"box\":[[0,1,2],[1,1,2]]}]}", code, code);
-    if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, "{\"status\":\"ok\"}");
+    if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, cut ? "{\"status\":\"ok\",\"cut\":true}" : "{\"status\":\"ok\"}");
     exit(bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n) ? 0 : 5);
 }
 
@@ -63,6 +71,16 @@ static void nap(long ms) {
         if (cancelled) finish("cancelled");
         bw_send_progress(BW_WORKER_CHANNEL, (double)done / (double)ms);
         nanosleep(&(struct timespec){0, 5000000}, NULL);
+    }
+}
+
+static void search(long ms) {
+    for (long done = 0; done < ms && !cut; done += 5) {
+        char note[40];
+        int n = snprintf(note, sizeof note, "best %ld\001\377", 1000 - done / 100);
+        bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_NOTE, note, (size_t)n);
+        nap(5);
+        cut = asked;
     }
 }
 
@@ -87,6 +105,7 @@ static void allocate(size_t bytes) {
 static void obey(const char *verb, const char *argument) {
     long number = strtol(argument, NULL, 10);
     if (!strcmp(verb, "sleep")) nap(number);
+    else if (!strcmp(verb, "search")) search(number);
     else if (!strcmp(verb, "deaf")) signal(SIGTERM, SIG_IGN);
     else if (!strcmp(verb, "log")) bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_LOG, argument, strlen(argument));
     else if (!strcmp(verb, "bytes")) data_bytes = number;
@@ -129,10 +148,10 @@ static void write_results(void) {
 }
 
 static void write_state(void) {
-    size_t size = script_size + strlen(stage->name) + 3;
+    size_t size = script_size + strlen(stage->name) + 9;
     char *state = malloc(size + 1);
     if (!state) finish("memory-limit");
-    snprintf(state, size + 1, "%s# %s\n", script, stage->name);
+    snprintf(state, size + 1, "%s# %s\n%s", script, stage->name, cut ? "# cut\n" : "");
     write_bytes("out", state, strlen(state));
     free(state);
 }
@@ -157,6 +176,7 @@ int main(int argc, char **argv) {
     }
     if (!stage) return 2;
     signal(SIGTERM, on_term);
+    signal(SIGUSR1, on_finish);
     read_script();
     int n = snprintf(hello, sizeof hello, "{\"stage\":\"%s\",\"version\":%d}", stage->name, stage->version);
     if (!bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_HELLO, hello, (size_t)n)) return 5;

@@ -25,7 +25,19 @@ static json_t *check(const char *text) {
 static void key_of(const char *input, const char *parameters, const char *options, int stage, char out[BW_SHA256_TEXT]) {
     json_t *all = check(options);
     assert_non_null(all);
-    assert_true(bw_cache_key(input, parameters, all, stage, out));
+    assert_true(bw_cache_key(input, parameters, all, stage, "", out));
+    json_decref(all);
+}
+
+static void the_owner_of_an_output_is_part_of_its_key(void **state) {
+    (void)state;
+    char shared[BW_SHA256_TEXT], mine[BW_SHA256_TEXT], his[BW_SHA256_TEXT];
+    json_t *all = check("{}");
+    assert_non_null(all);
+    assert_true(bw_cache_key(a, "", all, 3, "", shared) && bw_cache_key(a, "", all, 3, "job1", mine) && bw_cache_key(a, "", all, 3, "job2", his));
+    assert_string_not_equal(shared, mine);
+    assert_string_not_equal(shared, his);
+    assert_string_not_equal(mine, his);
     json_decref(all);
 }
 
@@ -126,6 +138,7 @@ static void stages_to_run_follow_until(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_owner_of_an_output_is_part_of_its_key),
         cmocka_unit_test(equal_requests_have_equal_forms),
         cmocka_unit_test(a_refusal_names_the_option_and_what_it_may_be),
         cmocka_unit_test(keys_differ_by_input_stage_and_the_options_of_this_and_earlier_stages),

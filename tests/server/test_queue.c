@@ -105,13 +105,13 @@ static void a_job_goes_through_its_stages_to_success(void **state) {
     claim(&job);
     expect(job.id, BW_JOB_RUNNING, true, 0);
     assert_int_equal(waiting(9000), 0);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, hash, 5, NULL, 3000, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, hash, 5, NULL, false, 3000, &done), BW_OK);
     assert_true(done);
     expect(job.id, BW_JOB_RUNNING, false, 1);
     bw_job_clear(&job);
     job = get(job.id);
     claim(&job);
-    assert_int_equal(bw_queue_advance(q, job.id, 2, hash, 5, "[]", 4000, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 2, hash, 5, "[]", false, 4000, &done), BW_OK);
     bw_job now = get(job.id);
     assert_int_equal(now.state, BW_JOB_SUCCESSFUL);
     assert_int_equal(now.finished, 4000);
@@ -131,7 +131,7 @@ static void an_attempt_that_is_not_the_jobs_any_more_changes_nothing(void **stat
     assert_int_equal(bw_queue_recover(q, 2500, &recovered), BW_OK);
     assert_int_equal(recovered, 1);
     for (int again = 0; again < 2; again++) {
-        bw_queue_advance(q, job.id, 1, hash, 5, NULL, 3000, &done);
+        bw_queue_advance(q, job.id, 1, hash, 5, NULL, false, 3000, &done);
         assert_false(done);
         bw_queue_fail(q, job.id, 1, "io", "{}", 3000, &done);
         assert_false(done);
@@ -234,10 +234,75 @@ static void cancelling_is_idempotent_in_every_state(void **state) {
     bw_job_clear(&job);
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, hash, 1, "[]", 3000, &done);
+    bw_queue_advance(q, job.id, 1, hash, 1, "[]", false, 3000, &done);
     bw_queue_cancel(q, job.id, 3100, &result);
     assert_int_equal(result, BW_CANCEL_TOO_LATE);
     expect(job.id, BW_JOB_SUCCESSFUL, false, 1);
+    bw_job_clear(&job);
+}
+
+static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
+    (void)state;
+    bw_job job, now;
+    bw_finish result;
+    bool done;
+    int recovered;
+    assert_int_equal(bw_queue_finish(q, "nobody", &result), BW_OK);
+    assert_int_equal(result, BW_FINISH_UNKNOWN);
+    insert(&job, 4);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(bw_queue_finish(q, job.id, &result), BW_OK);
+        assert_int_equal(result, BW_FINISH_NOTED);
+        expect(job.id, BW_JOB_QUEUED, false, 0);
+    }
+    claim(&job);
+    assert_int_equal(bw_queue_recover(q, 2600, &recovered), BW_OK);
+    reopen();
+    now = get(job.id);
+    assert_true(now.finish && !now.cut && now.state == BW_JOB_QUEUED);
+    claim(&now);
+    bw_queue_finish(q, job.id, &result);
+    assert_int_equal(result, BW_FINISH_NOTED);
+    expect(job.id, BW_JOB_RUNNING, true, 0);
+    bw_queue_advance(q, job.id, now.attempt, hash, 5, NULL, false, 3000, &done);
+    assert_true(done);
+    bw_job_clear(&now);
+    for (int i = 0; i < 2; i++) { /* the first stage that was cut is remembered */
+        now = get(job.id);
+        assert_true(now.finish && now.cut == (i ? 2 : 0) && now.stage == 1 + i);
+        claim(&now);
+        bw_queue_advance(q, job.id, now.attempt, hash, 5, NULL, true, 3100, &done);
+        assert_true(done);
+        bw_job_clear(&now);
+    }
+    bw_job_clear(&job);
+    char id[BW_JOB_ID_TEXT];
+    snprintf(id, sizeof id, "%s", job.id);
+    job = get(id);
+    assert_int_equal(job.cut, 2);
+    claim(&job);
+    bw_queue_advance(q, job.id, job.attempt, hash, 5, "[]", false, 3200, &done);
+    expect(job.id, BW_JOB_SUCCESSFUL, false, 4);
+    bw_queue_finish(q, job.id, &result);
+    assert_int_equal(result, BW_FINISH_TOO_LATE);
+    bw_job_clear(&job);
+}
+
+static void a_cancel_ends_a_job_that_was_asked_to_finish(void **state) {
+    (void)state;
+    bw_job job;
+    bw_finish result;
+    bw_cancel cancel;
+    bool done;
+    insert(&job, 4);
+    claim(&job);
+    bw_queue_finish(q, job.id, &result);
+    bw_queue_cancel(q, job.id, 2500, &cancel);
+    assert_int_equal(cancel, BW_CANCEL_NOTED);
+    assert_int_equal(bw_queue_dismiss(q, job.id, job.attempt, 2600, &done), BW_OK);
+    expect(job.id, BW_JOB_DISMISSED, false, 0);
+    bw_queue_finish(q, job.id, &result);
+    assert_int_equal(result, BW_FINISH_TOO_LATE);
     bw_job_clear(&job);
 }
 
@@ -254,7 +319,7 @@ static void cache_rows_without_files_are_forgotten(void **state) {
     char *manifest;
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, hash, 1, "[7]", 3000, &done);
+    bw_queue_advance(q, job.id, 1, hash, 1, "[7]", false, 3000, &done);
     assert_int_equal(bw_queue_output(q, hash, &found, &manifest), BW_OK);
     assert_true(found);
     assert_string_equal(manifest, "[7]");
@@ -285,7 +350,8 @@ static void a_file_of_version_1_keeps_its_jobs_and_goes_on(void **state) {
     insert(&job, 4);
     bw_queue_close(q);
     assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(db, "ALTER TABLE jobs DROP COLUMN parameters; PRAGMA user_version = 1", NULL, NULL, NULL),
+    assert_int_equal(sqlite3_exec(db, "ALTER TABLE jobs DROP COLUMN parameters; ALTER TABLE jobs DROP COLUMN finish;"
+                                  " ALTER TABLE jobs DROP COLUMN cut; PRAGMA user_version = 1", NULL, NULL, NULL),
                      SQLITE_OK);
     sqlite3_close(db);
     assert_int_equal(bw_queue_open(path, &q), BW_OK);
@@ -312,6 +378,8 @@ int main(void) {
                                         close_queue),
         cmocka_unit_test_setup_teardown(a_daemon_that_dies_of_a_job_again_and_again_gives_it_up, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cancelling_is_idempotent_in_every_state, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_finish_is_noted_for_good_and_stops_nothing, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_cancel_ends_a_job_that_was_asked_to_finish, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cache_rows_without_files_are_forgotten, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(a_file_of_version_1_keeps_its_jobs_and_goes_on, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(the_file_of_a_newer_daemon_is_refused_and_left_alone, open_queue, close_queue),

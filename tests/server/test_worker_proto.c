@@ -69,12 +69,29 @@ static void the_largest_frame_fits_and_a_larger_one_does_not(void **state) {
     size_t size = BW_FRAME_HEADER + BW_FRAME_MOST;
     unsigned char *bytes = calloc(size, 1);
     bw_frame_type types[4];
-    memcpy(bytes, "BW\1\1\0\0\1\0", 8); /* 65536 */
+    memcpy(bytes, "BW\2\1\0\0\1\0", 8); /* 65536 */
     assert_int_equal(feed(bytes, size, 1000, types), 1);
     bytes[4] = 1;
     assert_int_equal(feed(bytes, size, 1000, types), 0);
     assert_int_equal(d.status, BW_E_COUNT);
     free(bytes);
+}
+
+static void a_note_is_cut_to_what_the_daemon_takes(void **state) {
+    (void)state;
+    unsigned char bytes[1024];
+    char text[300];
+    bw_frame_type types[4];
+    int pair[2];
+    memset(text, 'x', sizeof text);
+    assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM, 0, pair), 0);
+    assert_true(bw_send_frame(pair[0], BW_FRAME_HELLO, "{}", 2));
+    assert_true(bw_send_frame(pair[0], BW_FRAME_NOTE, text, sizeof text));
+    size_t size = collect(pair, bytes, sizeof bytes);
+    assert_int_equal(size, 2 * BW_FRAME_HEADER + 2 + BW_FRAME_NOTE_MOST);
+    assert_int_equal(feed(bytes, size, 7, types), 2);
+    assert_int_equal(types[1], BW_FRAME_NOTE);
+    assert_int_equal(d.status, BW_OK);
 }
 
 static void a_damaged_frame_is_refused_with_its_reason(void **state) {
@@ -86,17 +103,18 @@ static void a_damaged_frame_is_refused_with_its_reason(void **state) {
     } cases[] = {
         {"XW\1\1\0\0\0\0", 8, BW_E_SYNTAX},
         {"BX\1\1\0\0\0\0", 8, BW_E_SYNTAX},
-        {"BW\2\1\0\0\0\0", 8, BW_E_VERSION},
-        {"BW\1\0\0\0\0\0", 8, BW_E_SYNTAX},
-        {"BW\1\5\0\0\0\0", 8, BW_E_SYNTAX},
-        {"BW\1\1\377\377\377\377", 8, BW_E_COUNT},
-        {"BW\1\2\7\0\0\0", 8, BW_E_COUNT},                                                  /* progress of 7 bytes */
-        {"BW\1\3\0\0\0\0", 8, BW_E_SYNTAX},                                                 /* no hello */
-        {"BW\1\1\0\0\0\0BW\1\1\0\0\0\0", 16, BW_E_SYNTAX},                                  /* hello twice */
-        {"BW\1\1\0\0\0\0BW\1\4\0\0\0\0BW\1\4\0\0\0\0", 24, BW_E_SYNTAX},                    /* after the result */
-        {"BW\1\1\0\0\0\0BW\1\2\10\0\0\0\0\0\0\0\0\0\370\177", 24, BW_E_NUMBER},             /* NaN */
-        {"BW\1\1\0\0\0\0BW\1\2\10\0\0\0\0\0\0\0\0\0\0\100", 24, BW_E_NUMBER},               /* 2 */
-        {"BW\1\1\0\0\0\0BW\1\2\10\0\0\0\0\0\0\0\0\0\360\277", 24, BW_E_NUMBER},             /* -1 */
+        {"BW\1\1\0\0\0\0", 8, BW_E_VERSION},
+        {"BW\2\0\0\0\0\0", 8, BW_E_SYNTAX},
+        {"BW\2\6\0\0\0\0", 8, BW_E_SYNTAX},
+        {"BW\2\1\377\377\377\377", 8, BW_E_COUNT},
+        {"BW\2\2\7\0\0\0", 8, BW_E_COUNT},                                                  /* progress of 7 bytes */
+        {"BW\2\5\311\0\0\0", 8, BW_E_COUNT},                                                /* note of 201 bytes */
+        {"BW\2\3\0\0\0\0", 8, BW_E_SYNTAX},                                                 /* no hello */
+        {"BW\2\1\0\0\0\0BW\2\1\0\0\0\0", 16, BW_E_SYNTAX},                                  /* hello twice */
+        {"BW\2\1\0\0\0\0BW\2\4\0\0\0\0BW\2\4\0\0\0\0", 24, BW_E_SYNTAX},                    /* after the result */
+        {"BW\2\1\0\0\0\0BW\2\2\10\0\0\0\0\0\0\0\0\0\370\177", 24, BW_E_NUMBER},             /* NaN */
+        {"BW\2\1\0\0\0\0BW\2\2\10\0\0\0\0\0\0\0\0\0\0\100", 24, BW_E_NUMBER},               /* 2 */
+        {"BW\2\1\0\0\0\0BW\2\2\10\0\0\0\0\0\0\0\0\0\360\277", 24, BW_E_NUMBER},             /* -1 */
     };
     bw_frame_type types[4];
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
@@ -110,7 +128,7 @@ static void an_incomplete_frame_waits_for_more(void **state) {
     (void)state;
     bw_frame_type types[4];
     for (size_t size = 0; size < 10; size++) {
-        assert_int_equal(feed((const unsigned char *)"BW\1\1\2\0\0\0{}", size, 3, types), 0);
+        assert_int_equal(feed((const unsigned char *)"BW\2\1\2\0\0\0{}", size, 3, types), 0);
         assert_int_equal(d.status, BW_OK);
     }
 }
@@ -128,6 +146,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_arrive_whole_whatever_the_pieces),
         cmocka_unit_test(the_largest_frame_fits_and_a_larger_one_does_not),
+        cmocka_unit_test(a_note_is_cut_to_what_the_daemon_takes),
         cmocka_unit_test(a_damaged_frame_is_refused_with_its_reason),
         cmocka_unit_test(an_incomplete_frame_waits_for_more),
         cmocka_unit_test(nobody_dies_of_writing_to_a_daemon_that_is_gone),

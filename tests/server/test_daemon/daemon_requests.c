@@ -124,8 +124,10 @@ static void what_is_not_there_is_404_and_the_wrong_method_405(void **state) {
     kit_expect_problem(kit_get(&d, "/v1/jobs/%s/results", nowhere), 404, "no-such-job");
     kit_expect_problem(kit_get(&d, "/v1/jobs/%s/results/x", nowhere), 404, "no-such-job");
     kit_expect_problem(kit_get(&d, "/v1/jobs/';DROP%%20TABLE%%20jobs"), 404, "no-such-job");
-    snprintf(path, sizeof path, "/v1/jobs/%s/cancel", nowhere);
-    kit_expect_problem(kit_request(&d, "POST", path, NULL, NULL, 0), 404, "no-such-job");
+    for (int i = 0; i < 2; i++) {
+        snprintf(path, sizeof path, "/v1/jobs/%s/%s", nowhere, i ? "finish" : "cancel");
+        kit_expect_problem(kit_request(&d, "POST", path, NULL, NULL, 0), 404, "no-such-job");
+    }
     for (const char *const *m = (const char *const[]){"DELETE", "PATCH", "OPTIONS", "BREW", NULL}; *m; m++) {
         kit_reply r = kit_request(&d, *m, "/v1/jobs", NULL, NULL, 0);
         assert_string_equal(r.allow, "GET, HEAD, POST");
