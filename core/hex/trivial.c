@@ -445,10 +445,9 @@ static bw_status make_tets(maker *m) {
 static void doubled(const maker *m, size_t hex, bw_vertex v, int64_t out[3]) {
     int a = corner_of(m->source, hex, v), b = a;
     if (a == 8) {
-        int f = 0;
-        while (m->face_centre[6 * hex + (size_t)f] != v && f < 6) f++;
-        if (m->hex_centre[hex] == v) a = 0, b = 7;
-        else a = bw_hex_face_corner[f][0], b = bw_hex_face_corner[f][2];
+        a = 0, b = 7;
+        for (int f = 0; f < 6; f++)
+            if (m->face_centre[6 * hex + (size_t)f] == v) a = bw_hex_face_corner[f][0], b = bw_hex_face_corner[f][2];
     }
     int32_t x[3], y[3];
     place_corner(&m->place[hex], a, x), place_corner(&m->place[hex], b, y);
