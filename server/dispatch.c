@@ -19,8 +19,8 @@
 #include "server/failure.h"
 #include "server/joboptions.h"
 #include "server/log.h"
-#include "server/spawner.h"
-#include "server/worker_proto.h"
+#include "server/worker/spawner.h"
+#include "server/worker/worker_proto.h"
 
 enum { LOG_MOST = 4 << 20, TERM_GRACE_MS = 3000, RETRY_PAUSE_MS = 100, PAGE = 64 };
 

@@ -18,8 +18,8 @@
 #include "server/http.h"
 #include "server/log.h"
 #include "server/queue.h"
-#include "server/spawner.h"
 #include "server/store.h"
+#include "server/worker/spawner.h"
 
 enum { SPAWNER_WAIT_SECONDS = 20 };
 

@@ -12,7 +12,7 @@
 #include "server/failure.h"
 #include "server/joboptions.h"
 #include "server/log.h"
-#include "server/spawner.h"
+#include "server/worker/spawner.h"
 
 enum { NAME_BYTES_MOST = 200, PAGE_DEFAULT = 50, PAGE_MOST = 200 };
 static const uint64_t room_kept = (uint64_t)64 << 20; /* uploads leave this much of the disk to the queue */

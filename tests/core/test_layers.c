@@ -129,6 +129,11 @@ static void the_daemon_includes_nothing_of_core_but_its_statuses(void **state) {
     (void)state;
     faults = includes = 0;
     check_folder("server", "", true);
+    DIR *dir = opendir(BW_SOURCE_DIR "/server");
+    assert_non_null(dir);
+    for (struct dirent *entry; (entry = readdir(dir));)
+        if (entry->d_type == DT_DIR && entry->d_name[0] != '.') check_folder("server", entry->d_name, true);
+    closedir(dir);
     assert_true(includes > 0);
     assert_int_equal(faults, 0);
 }

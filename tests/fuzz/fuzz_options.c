@@ -6,7 +6,7 @@
 
 #include "blockwright.h"
 #include "server/joboptions.h"
-#include "server/spawner.h"
+#include "server/worker/spawner.h"
 
 /* The reason may quote the input; it has to reach the daemon as JSON all the same. */
 static void expect_told(const bw_context *ctx) {

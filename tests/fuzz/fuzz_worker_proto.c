@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "server/failure.h"
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 volatile unsigned sink; /* keeps the reading of payloads */
 

@@ -35,7 +35,7 @@
 #include <unistd.h>
 
 #include "bw_api.h"
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 static volatile sig_atomic_t cancelled, asked;
 static bool cut;

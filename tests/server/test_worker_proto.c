@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 static bw_decoder d;
 

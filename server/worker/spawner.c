@@ -1,4 +1,4 @@
-#include "server/spawner.h"
+#include "server/worker/spawner.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 #include "server/log.h"
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 enum { FD_CHANNEL, FD_INPUT, FD_LOG, FD_FOLDER, FD_PARAMETERS, FD_MOST };
 enum { FD_LEAST = FD_PARAMETERS }; /* the last may be missing */

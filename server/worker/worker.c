@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "server/clock.h"
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 enum { PROGRESS_MS = 100 };
 

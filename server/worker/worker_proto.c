@@ -1,4 +1,4 @@
-#include "server/worker_proto.h"
+#include "server/worker/worker_proto.h"
 
 #include <errno.h>
 #include <string.h>
