@@ -52,30 +52,21 @@ static size_t describe_igm(bw_igm *s, const counts *n, field *list) {
     return k;
 }
 
-static size_t describe_hex(bw_hex_mesh *s, const counts *n, field *list) {
+/* The hex mesh that was made, and the one that came in. */
+static size_t describe_hexes(bw_hex_mesh *s, const char *const tag[6], uint64_t vertices, uint64_t hexes, field *list) {
     size_t k = 0;
-    FIELD("hex.position", s->position, n->hex_vertex);
-    FIELD("hex.held", s->held, n->hex_vertex);
-    FIELD("hex.carrier", s->carrier, n->hex_vertex);
-    FIELD("hex.corner", s->hex, n->hex);
-    FIELD("hex.block", s->block, n->hex);
-    FIELD("hex.ijk", s->ijk, n->hex);
-    return k;
-}
-
-static size_t describe_source(bw_state *s, const counts *n, field *list) {
-    size_t k = 0;
-    FIELD("source.position", s->source.position, n->source_vertex);
-    FIELD("source.held", s->source.held, n->source_vertex);
-    FIELD("source.carrier", s->source.carrier, n->source_vertex);
-    FIELD("source.corner", s->source.hex, n->source);
-    FIELD("source.block", s->source.block, n->source);
-    FIELD("source.ijk", s->source.ijk, n->source);
-    if (n->source_renumbered) FIELD("source.vertex", s->source_vertex, n->source_vertex);
+    FIELD(tag[0], s->position, vertices);
+    FIELD(tag[1], s->held, vertices);
+    FIELD(tag[2], s->carrier, vertices);
+    FIELD(tag[3], s->hex, hexes);
+    FIELD(tag[4], s->block, hexes);
+    FIELD(tag[5], s->ijk, hexes);
     return k;
 }
 
 static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
+    static const char *const hex[] = {"hex.position", "hex.held", "hex.carrier", "hex.corner", "hex.block", "hex.ijk"};
+    static const char *const source[] = {"source.position", "source.held", "source.carrier", "source.corner", "source.block", "source.ijk"};
     size_t k = 0;
     FIELD("position", s->mesh.position, n->vertex);
     FIELD("tet", s->mesh.tet, n->tet);
@@ -95,7 +86,8 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("align", s->map.align, n->facet);
     FIELD("quarters", s->map.quarters, n->edge);
     FIELD("edge.flags", s->map.edge_flags, n->edge);
-    if (n->has_source) k += describe_source(s, n, list + k);
+    if (n->has_source) k += describe_hexes(&s->source, source, n->source_vertex, n->source, list + k);
+    if (n->source_renumbered) FIELD("source.vertex", s->source_vertex, n->source_vertex);
     if (n->has_cells) {
         FIELD("cell.vertex", s->cells.vertex, n->cell_vertex);
         FIELD("cell.edge", s->cells.edge, n->cell_edge);
@@ -139,7 +131,7 @@ static size_t describe(bw_state *s, const counts *n, field list[FIELDS_MAX]) {
     FIELD("chart", s->complex.chart, n->chart);
     if (n->has_length) FIELD("arc.integer", s->length, n->arc);
     if (n->has_igm) k += describe_igm(&s->igm, n, list + k);
-    if (n->has_hex) k += describe_hex(&s->hex, n, list + k);
+    if (n->has_hex) k += describe_hexes(&s->hex, hex, n->hex_vertex, n->hex, list + k);
     return k;
 }
 

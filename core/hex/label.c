@@ -10,7 +10,6 @@ enum { LEAST = 4096 }; /* hexes per thread at least */
 /* A critical node that is a vertex of the tet mesh, and a corner of a hex there. */
 typedef struct {
     bw_node node;
-    bw_hvertex vertex;
     size_t first; /* into corner; the next one's is the end */
 } anchor;
 
@@ -329,7 +328,7 @@ static bw_status find_anchors(labels *l, int32_t *anchor_of) {
         anchor_of[h] = BW_NONE;
         if (n == BW_NONE || vertex_at[n] != (int32_t)h) continue;
         anchor_of[h] = (int32_t)l->anchor_count;
-        l->anchor[l->anchor_count++] = (anchor){.node = n, .vertex = (bw_hvertex)h};
+        l->anchor[l->anchor_count++] = (anchor){.node = n};
     }
     bw_free(l->ctx, vertex_at);
     return status;

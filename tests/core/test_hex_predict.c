@@ -23,59 +23,65 @@ static double bits_of(int64_t cost) {
     return bw_predict_per_vertex(cost, 1);
 }
 
-static void what_is_trilinear_costs_nothing(void **state) {
-    (void)state;
-    bw_context ctx;
-    bw_context_init(&ctx);
+/* The box, its first block tallied. */
+typedef struct {
     double position[ROW_POINTS][3];
     bw_hvertex vertex[ROW_POINTS];
     bw_predictor predictor;
     bw_predict_tally tally;
-    make_row(position, vertex);
-    kit_expect_ok(&ctx, bw_predictor_init(&ctx, (const double(*)[3])position, ROW_POINTS, 2, &predictor));
-    kit_expect_ok(&ctx, bw_predict_tally_init(&ctx, 2, &tally));
-    bw_predict_tally_block(&predictor, row_size, vertex, &tally);
-    assert_int_equal(tally.coordinates, 48);
-    assert_int_equal(tally.wrong, 0);
-    assert_int_equal(bw_predict_tally_cost(&tally), 0);
-    bw_predict_tally_clear(&ctx, &tally);
-    bw_predictor_clear(&ctx, &predictor);
-    assert_int_equal(ctx.memory.used, 0);
+} row;
+
+static void tally_row(bw_context *ctx, row *r) {
+    kit_expect_ok(ctx, bw_predictor_init(ctx, (const double(*)[3])r->position, ROW_POINTS, 2, &r->predictor));
+    kit_expect_ok(ctx, bw_predict_tally_init(ctx, 2, &r->tally));
+    bw_predict_tally_block(&r->predictor, row_size, r->vertex, &r->tally);
+}
+
+static void clear_row(bw_context *ctx, row *r) {
+    bw_predict_tally_clear(ctx, &r->tally);
+    bw_predictor_clear(ctx, &r->predictor);
+    assert_int_equal(ctx->memory.used, 0);
+}
+
+static void what_is_trilinear_costs_nothing(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    row r;
+    make_row(r.position, r.vertex);
+    tally_row(&ctx, &r);
+    assert_int_equal(r.tally.coordinates, 48);
+    assert_int_equal(r.tally.wrong, 0);
+    assert_int_equal(bw_predict_tally_cost(&r.tally), 0);
+    clear_row(&ctx, &r);
 }
 
 static void errors_cost_their_entropies(void **state) {
     (void)state;
     bw_context ctx;
     bw_context_init(&ctx);
-    double position[ROW_POINTS][3];
-    bw_hvertex vertex[ROW_POINTS];
-    bw_predictor predictor;
-    bw_predict_tally tally;
-    make_row(position, vertex);
-    position[1][0] = 2;  /* + 1 */
-    position[5][0] = 3;  /* + 2 */
-    position[6][0] = 3;  /* + 1 */
-    position[10][0] = 0; /* - 2 */
-    kit_expect_ok(&ctx, bw_predictor_init(&ctx, (const double(*)[3])position, ROW_POINTS, 2, &predictor));
-    kit_expect_ok(&ctx, bw_predict_tally_init(&ctx, 2, &tally));
-    bw_predict_tally_block(&predictor, row_size, vertex, &tally);
-    assert_int_equal(tally.wrong, 4);
-    assert_int_equal(tally.negative, 1);
-    assert_int_equal(tally.times[1], 2);
-    assert_int_equal(tally.times[2], 2);
-    assert_int_equal(tally.highest, 2);
+    row r;
+    make_row(r.position, r.vertex);
+    r.position[1][0] = 2;  /* + 1 */
+    r.position[5][0] = 3;  /* + 2 */
+    r.position[6][0] = 3;  /* + 1 */
+    r.position[10][0] = 0; /* - 2 */
+    tally_row(&ctx, &r);
+    assert_int_equal(r.tally.wrong, 4);
+    assert_int_equal(r.tally.negative, 1);
+    assert_int_equal(r.tally.times[1], 2);
+    assert_int_equal(r.tally.times[2], 2);
+    assert_int_equal(r.tally.highest, 2);
     double wanted = 48 * entropy(4. / 48) + 4 * (entropy(1. / 4) + entropy(2. / 4));
-    assert_true(fabs(bits_of(bw_predict_tally_cost(&tally)) - wanted) < 1e-4);
+    assert_true(fabs(bits_of(bw_predict_tally_cost(&r.tally)) - wanted) < 1e-4);
     /* The same block once more: twice as many of the same. */
     bw_predict_errors errors;
-    kit_expect_ok(&ctx, bw_predict_errors_init(&ctx, &tally, &errors));
-    assert_int_equal(errors.cost, bw_predict_tally_cost(&tally));
-    bw_predict_tally_add(&tally, &errors);
-    assert_true(fabs(bits_of(bw_predict_tally_cost(&tally)) - 2 * wanted) < 1e-4);
+    kit_expect_ok(&ctx, bw_predict_errors_init(&ctx, &r.tally, &errors));
+    assert_int_equal(errors.cost, bw_predict_tally_cost(&r.tally));
+    bw_predict_tally_add(&r.tally, &errors);
+    assert_true(fabs(bits_of(bw_predict_tally_cost(&r.tally)) - 2 * wanted) < 1e-4);
     bw_predict_errors_clear(&ctx, &errors);
-    bw_predict_tally_clear(&ctx, &tally);
-    bw_predictor_clear(&ctx, &predictor);
-    assert_int_equal(ctx.memory.used, 0);
+    clear_row(&ctx, &r);
 }
 
 /* Corners that are off the lattice are foreseen from, as they are; only then it is rounded. */
@@ -83,20 +89,14 @@ static void what_is_foreseen_is_rounded_last(void **state) {
     (void)state;
     bw_context ctx;
     bw_context_init(&ctx);
-    double position[ROW_POINTS][3];
-    bw_hvertex vertex[ROW_POINTS];
-    bw_predictor predictor;
-    bw_predict_tally tally;
-    make_row(position, vertex);
-    position[4][0] = 0.4; /* a corner, on 0; a third of the way on from it is 1.27, two thirds 2.13 */
-    position[5][0] = 1.27, position[6][0] = 1.6;
-    kit_expect_ok(&ctx, bw_predictor_init(&ctx, (const double(*)[3])position, ROW_POINTS, 2, &predictor));
-    kit_expect_ok(&ctx, bw_predict_tally_init(&ctx, 2, &tally));
-    bw_predict_tally_block(&predictor, row_size, vertex, &tally);
-    assert_int_equal(predictor.at[4][0], 0);
-    assert_int_equal(tally.wrong, 0);
-    bw_predict_tally_clear(&ctx, &tally);
-    bw_predictor_clear(&ctx, &predictor);
+    row r;
+    make_row(r.position, r.vertex);
+    r.position[4][0] = 0.4; /* a corner, on 0; a third of the way on from it is 1.27, two thirds 2.13 */
+    r.position[5][0] = 1.27, r.position[6][0] = 1.6;
+    tally_row(&ctx, &r);
+    assert_int_equal(r.predictor.at[4][0], 0);
+    assert_int_equal(r.tally.wrong, 0);
+    clear_row(&ctx, &r);
 }
 
 /* Blocks with random errors, added and taken away in any order. */

@@ -10,6 +10,7 @@
 #include "core/hex_kit.h"
 #include "format/hex_write.h"
 #include "models/models.h"
+#include "pipeline/stages_kit.h"
 
 /* The report of a job; the files are in the folder. */
 static json_t *run(const char *input, const char *json, const char *folder) {
@@ -85,18 +86,6 @@ static void write_sample(int which, const char *path) {
     kit_expect_ok(&ctx, bw_hex_write_vtk(&ctx, &hex, &skin, path, NULL));
     bw_hex_skin_clear(&ctx, &skin);
     bw_hex_mesh_clear(&ctx, &hex);
-}
-
-static void run_by_stages(const char *input, const char *out, const bw_options *options) {
-    const char *from = input;
-    for (int s = 0; s < BW_STAGE_COUNT; s++) {
-        bw_context ctx;
-        bw_context_init(&ctx);
-        const char *to = s == BW_STAGE_ENCODE ? out : kit_temp_path("state.%s", bw_stage_name((bw_stage)s));
-        kit_expect_ok(&ctx, bw_stage_run(&ctx, options, (bw_stage)s, from, to));
-        assert_int_equal(ctx.memory.used, 0);
-        from = to;
-    }
 }
 
 static void expect_same_file(const char *name) {

@@ -7,6 +7,7 @@
 
 #include "blockwright.h"
 #include "models/models.h"
+#include "pipeline/stages_kit.h"
 
 static const char *const results[] = {"traced.hexex", "blocks.json", "view.drc"};
 
@@ -30,18 +31,6 @@ static void run(const char *input, const char *out, const bw_options *options, i
     ctx.threads = threads;
     kit_expect_ok(&ctx, bw_run(&ctx, options, input, out));
     assert_int_equal(ctx.memory.used, 0);
-}
-
-static void run_by_stages(const char *input, const char *out, const bw_options *options) {
-    const char *from = input;
-    for (int s = 0; s < BW_STAGE_COUNT; s++) {
-        bw_context ctx;
-        bw_context_init(&ctx);
-        const char *to = s == BW_STAGE_ENCODE ? out : kit_temp_path("state.%s", bw_stage_name((bw_stage)s));
-        kit_expect_ok(&ctx, bw_stage_run(&ctx, options, (bw_stage)s, from, to));
-        assert_int_equal(ctx.memory.used, 0);
-        from = to;
-    }
 }
 
 static void expect_same_results(const char *a, const char *b) {
