@@ -48,6 +48,7 @@ struct bw_dispatch {
     const bw_config *config;
     bw_store *store;
     bw_queue *queue;
+    bw_watch *watch;
     int spawner, wake, fatal;
     uint64_t tokens;
     pthread_t thread;
@@ -279,13 +280,15 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job) {
         if (!cached) {
             status = bw_queue_claim(d->queue, job, bw_now_ms(), &done);
             if (status == BW_OK && done) status = occupy(d, s, job, key, options);
+            if (s->busy) bw_watch_notify(d->watch, s->job.id);
             break;
         }
         bool results = job->stage == BW_API_STAGE_COUNT - 1;
         status = bw_queue_reuse(d->queue, job, results ? key : "", bw_now_ms(), &done);
-        if (status == BW_OK && done)
-            bw_event(BW_INFO, job->state == BW_JOB_SUCCESSFUL ? "job.successful" : "stage.reused", "job=%s attempt=%d",
-                     job->id, job->attempt);
+        if (status != BW_OK || !done) continue;
+        bw_event(BW_INFO, job->state == BW_JOB_SUCCESSFUL ? "job.successful" : "stage.reused", "job=%s attempt=%d",
+                 job->id, job->attempt);
+        bw_watch_notify(d->watch, job->id);
     }
     json_decref(options);
     return status;
@@ -302,8 +305,12 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
         for (size_t i = 0; status == BW_OK && i < count && free_slot(d); i++) {
             bw_cancel ignored;
             after = jobs[i].seq;
-            if (jobs[i].cancel) status = bw_queue_cancel(d->queue, jobs[i].id, bw_now_ms(), &ignored);
-            else status = advance_job(d, &jobs[i]);
+            if (!jobs[i].cancel) {
+                status = advance_job(d, &jobs[i]);
+                continue;
+            }
+            status = bw_queue_cancel(d->queue, jobs[i].id, bw_now_ms(), &ignored);
+            bw_watch_notify(d->watch, jobs[i].id);
         }
         bw_jobs_free(jobs, count);
     }
@@ -312,9 +319,10 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
 
 /* ---- ending ---- */
 
-static void tell_end(const slot *s, const char *outcome, bool booked) {
+static void tell_end(bw_dispatch *d, const slot *s, const char *outcome, bool booked) {
     bw_event(booked ? BW_INFO : BW_WARN, booked ? "stage.end" : "stage.outdated", "job=%s stage=%s attempt=%d outcome=%s ms=%" PRId64,
              s->job.id, stage_of(s)->name, s->job.attempt, outcome, bw_mono_ms() - s->started);
+    if (booked) bw_watch_notify(d->watch, s->job.id);
 }
 
 /* Books a failure: retried if it is the system's and there are tries left. Frees the slot. */
@@ -336,7 +344,7 @@ static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char
         free(failure);
         if (done) bw_event(BW_WARN, "job.failed", "job=%s problem=%s", s->job.id, code);
     }
-    tell_end(s, code, done);
+    tell_end(d, s, code, done);
     release(d, s);
     return status;
 }
@@ -369,7 +377,7 @@ static bw_status succeed(bw_dispatch *d, slot *s) {
     json_decref(manifest);
     status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, s->key, bytes, text, cut, bw_now_ms(), &done);
     free(text);
-    tell_end(s, "ok", done);
+    tell_end(d, s, "ok", done);
     if (done && last) bw_event(BW_INFO, "job.successful", "job=%s", s->job.id);
     release(d, s);
     return status;
@@ -405,10 +413,10 @@ static bw_status judge(bw_dispatch *d, slot *s, int wait_status) {
     if (cancelled) {
         status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
         log_text(s, "cancelled");
-        tell_end(s, "cancelled", done);
+        tell_end(d, s, "cancelled", done);
     } else if (s->reason == STOP_DAEMON) {
         status = bw_queue_interrupt(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
-        tell_end(s, "interrupted", done);
+        tell_end(d, s, "interrupted", done);
     } else if (s->reason == STOP_TIME) {
         return give_up(d, s, BW_PROBLEM_TIME_LIMIT, "the stage ran longer than it may", NULL);
     } else {
@@ -512,13 +520,14 @@ static void *dispatch_main(void *user) {
     return NULL;
 }
 
-bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, int spawner, int fatal,
-                            bw_dispatch **out) {
+bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, bw_watch *watch, int spawner,
+                            int fatal, bw_dispatch **out) {
     bw_dispatch *d = calloc(1, sizeof *d);
     if (!d) return BW_E_MEMORY;
     d->config = config;
     d->store = store;
     d->queue = queue;
+    d->watch = watch;
     d->spawner = spawner;
     d->fatal = fatal;
     d->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);

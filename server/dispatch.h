@@ -25,13 +25,15 @@
 #include "server/config.h"
 #include "server/queue.h"
 #include "server/store.h"
+#include "server/watch.h"
 
 typedef struct bw_dispatch bw_dispatch;
 
-/* Starts the thread. Everything is borrowed until bw_dispatch_stop. `fatal` (an eventfd) is written to when the dispatcher
+/* Starts the thread. Everything is borrowed until bw_dispatch_stop. `watch` hears of every change of a job
+ * that is booked here. `fatal` (an eventfd) is written to when the dispatcher
  * can do no more work and the daemon should end. */
-bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, int spawner, int fatal,
-                            bw_dispatch **dispatch);
+bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, bw_watch *watch, int spawner,
+                            int fatal, bw_dispatch **dispatch);
 void bw_dispatch_wake(bw_dispatch *dispatch); /* a job was added, cancelled, or asked to finish */
 enum { BW_NOTE_TEXT = 201 };
 /* Progress of the running stage of a job and the best its search has found so far, 0 and "" if it does not run. */

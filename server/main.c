@@ -15,10 +15,11 @@
 #include "server/config.h"
 #include "server/dispatch.h"
 #include "server/files.h"
-#include "server/http.h"
+#include "server/http/http.h"
 #include "server/log.h"
 #include "server/queue.h"
 #include "server/store.h"
+#include "server/watch.h"
 #include "server/worker/spawner.h"
 
 enum { SPAWNER_WAIT_SECONDS = 20 };
@@ -90,15 +91,17 @@ static bw_status serve(const bw_config *config, int spawner) {
     if (status == BW_OK) what = "store", status = bw_store_open(config->data, &services.store);
     if (status == BW_OK) what = "queue", status = bw_queue_open(database, &services.queue);
     if (status == BW_OK) what = "recovery", status = put_right(services.store, services.queue);
+    if (status == BW_OK) what = "watch", status = bw_watch_open(&services.watch);
     if (status == BW_OK)
-        what = "dispatcher", status = bw_dispatch_start(config, services.store, services.queue, spawner, fatal,
-                                                        &services.dispatch);
+        what = "dispatcher", status = bw_dispatch_start(config, services.store, services.queue, services.watch, spawner,
+                                                        fatal, &services.dispatch);
     if (status == BW_OK) what = "listening", status = bw_http_start(&services, &http, address, sizeof address);
     if (status == BW_OK) what = "address file", status = announce(config, address);
     if (status == BW_OK) what = "serving", status = wait_for_end(signals, fatal);
     if (status != BW_OK) bw_event(BW_ERROR, "daemon.failed", "what=\"%s\" status=%d", what, (int)status);
     bw_http_stop(http);
     bw_dispatch_stop(services.dispatch);
+    bw_watch_close(services.watch);
     bw_queue_close(services.queue);
     bw_store_close(services.store);
     bw_event(BW_INFO, "daemon.stopped", "code=%d", status == BW_OK ? 0 : 5);

@@ -3,6 +3,7 @@
 #include "fuzz.h"
 
 #include <arpa/inet.h>
+#include <jansson.h>
 #include <poll.h>
 #include <signal.h>
 #include <string.h>
@@ -12,7 +13,7 @@
 #include <unistd.h>
 
 #include "server/files.h"
-#include "server/http.h"
+#include "server/http/http.h"
 
 enum { ANSWER_MOST = 1 << 20, PATIENCE_MS = 20 };
 
@@ -38,7 +39,8 @@ static void start(void) {
     config.listen_size = sizeof any;
     FUZZ_EXPECT(socketpair(AF_UNIX, SOCK_SEQPACKET, 0, pair) == 0); /* a spawner that is never asked: there are no workers */
     FUZZ_EXPECT(bw_store_open(folder, &services.store) == BW_OK && bw_queue_open(path, &services.queue) == BW_OK);
-    FUZZ_EXPECT(bw_dispatch_start(&config, services.store, services.queue, pair[0], eventfd(0, 0), &services.dispatch) == BW_OK);
+    FUZZ_EXPECT(bw_watch_open(&services.watch) == BW_OK);
+    FUZZ_EXPECT(bw_dispatch_start(&config, services.store, services.queue, services.watch, pair[0], eventfd(0, 0), &services.dispatch) == BW_OK);
     FUZZ_EXPECT(bw_http_start(&services, &http, text, sizeof text) == BW_OK);
     address.sin_addr = any.sin_addr;
     address.sin_port = htons((uint16_t)atoi(strrchr(text, ':') + 1));

@@ -33,7 +33,7 @@ static void expect_one_form(const json_t *all) {
     static const char input[] = "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
     json_t *again;
     FUZZ_EXPECT(json_object_size(all) == BW_API_OPTION_COUNT);
-    char *text = json_dumps(all, JSON_COMPACT | JSON_SORT_KEYS | JSON_REAL_PRECISION(17)); /* as routes.c stores it */
+    char *text = json_dumps(all, JSON_COMPACT | JSON_SORT_KEYS | JSON_REAL_PRECISION(17)); /* as job_create.c stores it */
     FUZZ_EXPECT(text && strlen(text) < BW_OPTIONS_TEXT && core_reads(text, strlen(text)) == BW_OK);
     json_t *stored = json_loads(text, 0, NULL);
     FUZZ_EXPECT(bw_joboptions_check(stored, &again, detail, sizeof detail));

@@ -102,7 +102,7 @@ static size_t take_header(char *data, size_t one, size_t size, void *user) {
         const char *name;
         char *to;
     } wanted[] = {{"Content-Type: ", r->type}, {"ETag: ", r->etag}, {"Location: ", r->location}, {"Allow: ", r->allow},
-                {"Content-Security-Policy: ", r->policy}};
+                {"Content-Security-Policy: ", r->policy}, {"Preference-Applied: ", r->applied}};
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++) {
         size_t n = strlen(wanted[i].name);
         if (size > n && strncasecmp(data, wanted[i].name, n) == 0)
@@ -280,10 +280,8 @@ void kit_expect_problem(kit_reply r, long status, const char *code) {
     json_decref(problem);
 }
 
-char *kit_raw(const kit_daemon *d, const char *data, size_t size, bool half_close) {
+static int send_all(const kit_daemon *d, const char *data, size_t size) {
     struct sockaddr_in to = {.sin_family = AF_INET};
-    size_t n = 0, room = 65536;
-    char *answer = calloc(room + 1, 1);
     to.sin_port = htons((uint16_t)atoi(strchr(d->address, ':') + 1));
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -295,11 +293,20 @@ char *kit_raw(const kit_daemon *d, const char *data, size_t size, bool half_clos
         if (w <= 0) break;
         sent += (size_t)w;
     }
+    return fd;
+}
+
+char *kit_raw(const kit_daemon *d, const char *data, size_t size, bool half_close) {
+    size_t n = 0, room = 65536;
+    char *answer = calloc(room + 1, 1);
+    int fd = send_all(d, data, size);
     if (half_close) shutdown(fd, SHUT_WR);
     for (ssize_t got; n < room && (got = recv(fd, answer + n, room - n, 0)) > 0;) n += (size_t)got;
     close(fd);
     return answer;
 }
+
+void kit_abandon(const kit_daemon *d, const char *data, size_t size) { close(send_all(d, data, size)); }
 
 /* ---- processes ---- */
 

@@ -31,7 +31,7 @@ void kit_remove(kit_daemon *daemon);           /* stops it if it runs, deletes t
 
 typedef struct {
     long status;
-    char type[80], etag[80], location[80], allow[80], policy[80]; /* as much of them as fits */
+    char type[80], etag[80], location[80], allow[80], policy[80], applied[80]; /* as much of them as fits */
     char *body; /* NUL-terminated */
     size_t size;
 } kit_reply;
@@ -61,6 +61,8 @@ const char *kit_text(const json_t *object, const char *name); /* "" if absent */
 void kit_expect_problem(kit_reply reply, long status, const char *code);
 /* The whole of a raw exchange over TCP: sends, half-closes if asked, returns what comes back (malloc'ed). */
 char *kit_raw(const kit_daemon *daemon, const char *data, size_t size, bool half_close);
+/* Sends and hangs up. */
+void kit_abandon(const kit_daemon *daemon, const char *data, size_t size);
 void kit_sleep_ms(int ms);
 /* Worker processes of this daemon's spawner. */
 size_t kit_workers(const kit_daemon *daemon, pid_t *pids, size_t most);

@@ -13,7 +13,7 @@
 #include "blockwright.h"
 #include "bw_api.h"
 #include "server/joboptions.h"
-#include "server/routes.h"
+#include "server/http/routes.h"
 
 static void stages_have_the_names_order_and_versions_of_the_core(void **state) {
     (void)state;

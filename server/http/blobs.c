@@ -1,0 +1,62 @@
+#include "server/http/operations.h"
+
+#include <unistd.h>
+
+#include "server/http/reply.h"
+#include "server/log.h"
+
+static json_t *blob_json(const char *sha256, uint64_t bytes) {
+    return json_pack("{s:s, s:I}", "sha256", sha256, "bytes", (json_int_t)bytes);
+}
+
+static bool is_hash(bw_request *r) {
+    if (bw_is_sha256(r->parameters[0])) return true;
+    bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "'%.80s' is not a SHA-256: 64 digits 0-9 a-f", r->parameters[0]);
+    return false;
+}
+
+void bw_http_blob_begin(bw_request *r) {
+    const bw_services *s = r->services;
+    uint64_t bytes;
+    int fd;
+    if (!is_hash(r)) return;
+    if (!r->has_length) {
+        bw_reply_problem(r, BW_PROBLEM_LENGTH_REQUIRED, "an upload must say its Content-Length");
+    } else if (r->length > s->config->max_upload) {
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes",
+                         (unsigned long long)s->config->max_upload);
+    } else if ((fd = bw_store_open_blob(s->store, r->parameters[0], &bytes)) >= 0) {
+        close(fd);
+        bw_reply_json(r, 200, blob_json(r->parameters[0], bytes));
+    } else if (bw_store_room(s->store) < r->length + BW_ROOM_KEPT) {
+        bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more",
+                         (unsigned long long)r->length);
+    } else if (bw_upload_begin(s->store, &r->upload) != BW_OK) {
+        bw_reply_storage(r);
+    }
+}
+
+void bw_http_blob_put(bw_request *r) {
+    char actual[BW_SHA256_TEXT];
+    bool matches;
+    bw_upload *upload = r->upload;
+    uint64_t bytes = bw_upload_bytes(upload);
+    r->upload = NULL; /* finish frees it */
+    if (bw_upload_finish(upload, r->parameters[0], &matches, actual) != BW_OK) {
+        bw_reply_storage(r);
+    } else if (!matches) {
+        bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s",
+                         (unsigned long long)bytes, actual);
+    } else {
+        bw_event(BW_INFO, "blob.stored", "sha256=%s bytes=%llu", actual, (unsigned long long)bytes);
+        bw_reply_json(r, 201, blob_json(actual, bytes));
+    }
+}
+
+void bw_http_blob_head(bw_request *r) {
+    uint64_t bytes;
+    if (!is_hash(r)) return;
+    int fd = bw_store_open_blob(r->services->store, r->parameters[0], &bytes);
+    if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
+    else bw_reply_file(r, fd, bytes, "application/octet-stream", NULL);
+}

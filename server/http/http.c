@@ -1,0 +1,97 @@
+#include "server/http/http.h"
+
+#include <arpa/inet.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "server/clock.h"
+#include "server/http/request.h"
+#include "server/http/routes.h"
+#include "server/log.h"
+
+enum { THREADS = 4, CONNECTIONS = 512, CONNECTION_MEMORY = 128 << 10, IDLE_SECONDS = 30, LAST_REPLIES_SECONDS = 2 };
+
+struct bw_http {
+    struct MHD_Daemon *daemon;
+    bw_services services;
+    bw_traffic traffic;
+};
+
+static void on_library_log(void *user, const char *format, va_list args) {
+    char text[300], quoted[400];
+    (void)user;
+    vsnprintf(text, sizeof text, format, args);
+    bw_event(BW_WARN, "http.library", "message=%s", bw_quoted(text, quoted, sizeof quoted));
+}
+
+/* ---- start and stop ---- */
+
+static void name_address(const bw_config *config, unsigned port, char *address, size_t size) {
+    char host[INET6_ADDRSTRLEN];
+    bool six = config->listen.ss_family == AF_INET6;
+    const void *raw = six ? (const void *)&((const struct sockaddr_in6 *)&config->listen)->sin6_addr
+                          : (const void *)&((const struct sockaddr_in *)&config->listen)->sin_addr;
+    inet_ntop(config->listen.ss_family, raw, host, sizeof host);
+    snprintf(address, size, six ? "[%s]:%u" : "%s:%u", host, port);
+}
+
+static void traffic_init(bw_traffic *traffic, const bw_services *services) {
+    pthread_condattr_t monotonic;
+    traffic->services = services;
+    pthread_mutex_init(&traffic->lock, NULL);
+    pthread_condattr_init(&monotonic);
+    pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
+    pthread_cond_init(&traffic->changed, &monotonic);
+    pthread_condattr_destroy(&monotonic);
+}
+
+bw_status bw_http_start(const bw_services *services, bw_http **out, char *address, size_t size) {
+    for (int i = 0; i < BW_OP_COUNT; i++)
+        if (!bw_routes[i].handle) return BW_E_INTERNAL; /* an operation of the document that nobody has written */
+    bw_http *http = calloc(1, sizeof *http);
+    if (!http) return BW_E_MEMORY;
+    http->services = *services;
+    traffic_init(&http->traffic, &http->services);
+    unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
+    if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
+    http->daemon = MHD_start_daemon(
+        flags, 0, NULL, NULL, bw_request_on_call, &http->traffic, MHD_OPTION_EXTERNAL_LOGGER, on_library_log, NULL,
+        MHD_OPTION_SOCK_ADDR, &services->config->listen, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)THREADS,
+        MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_SECONDS, MHD_OPTION_NOTIFY_COMPLETED,
+        bw_request_on_end, &http->traffic, MHD_OPTION_END);
+    const union MHD_DaemonInfo *info = http->daemon ? MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_BIND_PORT) : NULL;
+    if (!info) {
+        bw_http_stop(http);
+        return BW_E_IO;
+    }
+    name_address(services->config, info->port, address, size);
+    *out = http;
+    return BW_OK;
+}
+
+/* libmicrohttpd must not be stopped while a request is suspended; it cuts those off that are still being answered. */
+static void wait_for_traffic(bw_traffic *traffic) {
+    int64_t end = bw_mono_ms() + LAST_REPLIES_SECONDS * 1000;
+    struct timespec until = {end / 1000, end % 1000 * 1000000};
+    pthread_mutex_lock(&traffic->lock);
+    while (traffic->suspended) pthread_cond_wait(&traffic->changed, &traffic->lock);
+    while (traffic->active && pthread_cond_timedwait(&traffic->changed, &traffic->lock, &until) == 0) continue;
+    while (traffic->suspended) pthread_cond_wait(&traffic->changed, &traffic->lock);
+    pthread_mutex_unlock(&traffic->lock);
+}
+
+void bw_http_stop(bw_http *http) {
+    if (!http) return;
+    if (http->daemon) {
+        MHD_socket listening = MHD_quiesce_daemon(http->daemon);
+        bw_watch_stop(http->services.watch);
+        wait_for_traffic(&http->traffic);
+        MHD_stop_daemon(http->daemon);
+        if (listening != MHD_INVALID_SOCKET) close(listening);
+    }
+    pthread_cond_destroy(&http->traffic.changed);
+    pthread_mutex_destroy(&http->traffic.lock);
+    free(http);
+}

@@ -1,0 +1,40 @@
+/* The functions of bw_routes, by the file they are in. */
+#ifndef BW_SERVER_HTTP_OPERATIONS_H
+#define BW_SERVER_HTTP_OPERATIONS_H
+
+#include "server/http/request.h"
+
+/* blobs.c */
+void bw_http_blob_begin(bw_request *request);
+void bw_http_blob_put(bw_request *request);
+void bw_http_blob_head(bw_request *request);
+
+/* job_create.c */
+void bw_http_job_create_begin(bw_request *request);
+void bw_http_job_create(bw_request *request);
+
+/* jobs.c */
+void bw_http_job_list(bw_request *request);
+void bw_http_job_get(bw_request *request);
+void bw_http_job_cancel(bw_request *request);
+void bw_http_job_finish(bw_request *request);
+/* Reads the job that the path names, or replies. The caller clears it. */
+bool bw_http_load_job(bw_request *request, bw_job *job);
+/* Answers with the job `id` and `status` (with 201, Location too): at once, or when it has ended or the time is over if the client
+ * prefers to wait. Takes the request's state and resume. */
+void bw_http_answer_job(bw_request *request, unsigned status, const char *id);
+
+/* results.c */
+void bw_http_job_log(bw_request *request);
+void bw_http_job_report(bw_request *request);
+void bw_http_result_list(bw_request *request);
+void bw_http_result_get(bw_request *request);
+
+/* health.c */
+void bw_http_live(bw_request *request);
+void bw_http_ready(bw_request *request);
+void bw_http_openapi(bw_request *request);
+void bw_http_page(bw_request *request);
+void bw_http_page_file(bw_request *request);
+
+#endif

@@ -1,0 +1,201 @@
+#include "server/http/request.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "server/clock.h"
+#include "server/http/reply.h"
+#include "server/http/routes.h"
+
+enum { DRAIN_MOST = 16 << 20, RATE_FREE_MS = 30000, RATE_LEAST = 4096 /* bytes per second */ };
+
+const char *bw_request_header(const bw_request *r, const char *name) {
+    return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
+}
+
+const char *bw_request_query(const bw_request *r, const char *name) {
+    return MHD_lookup_connection_value(r->connection, MHD_GET_ARGUMENT_KIND, name);
+}
+
+bool bw_request_number(bw_request *r, const char *name, int64_t low, int64_t high, int64_t otherwise, int64_t *value) {
+    const char *text = bw_request_query(r, name);
+    char *end;
+    *value = otherwise;
+    if (!text) return true;
+    errno = 0;
+    *value = strtoll(text, &end, 10);
+    if (!errno && *text >= '0' && *text <= '9' && !*end && *value >= low && *value <= high) return true;
+    bw_reply_problem(r, BW_PROBLEM_INVALID_PARAMETER, "%s has a bad value '%.40s'", name, text);
+    return false;
+}
+
+static enum MHD_Result read_preference(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
+    int *seconds = user;
+    (void)kind;
+    if (strcasecmp(key, "Prefer") != 0 || !value) return MHD_YES;
+    for (const char *at = value; *at; at += strcspn(at, ","), at += *at == ',') {
+        char *end;
+        at += strspn(at, " \t");
+        if (strncasecmp(at, "wait", 4) != 0) continue;
+        const char *is = at + 4 + strspn(at + 4, " \t");
+        if (*is != '=') continue;
+        const char *number = is + 1 + strspn(is + 1, " \t");
+        unsigned long n = *number >= '0' && *number <= '9' ? strtoul(number, &end, 10) : 0;
+        if (n && *seconds == 0 && (*(end += strspn(end, " \t")) == ',' || *end == ';' || !*end))
+            *seconds = n > BW_WAIT_MOST ? BW_WAIT_MOST : (int)n; /* the first one counts (RFC 7240, 2) */
+    }
+    return MHD_YES;
+}
+
+int bw_request_wait_preferred(const bw_request *r) {
+    int seconds = 0;
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, read_preference, &seconds);
+    return seconds;
+}
+
+/* ---- before the body ---- */
+
+typedef struct {
+    int lengths, encodings;
+} framing;
+
+static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
+    framing *f = user;
+    (void)kind, (void)value;
+    f->lengths += strcasecmp(key, "Content-Length") == 0;
+    f->encodings += strcasecmp(key, "Transfer-Encoding") == 0;
+    return MHD_YES;
+}
+
+/* Where two readers could see two different bodies, nobody reads any. */
+static void check_framing(bw_request *r) {
+    framing f = {0, 0};
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, count_framing, &f);
+    if (f.lengths + f.encodings > 1) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "the request says more than once where its body ends");
+        bw_reply_header(r, "Connection", "close");
+        return;
+    }
+    const char *length = bw_request_header(r, "Content-Length");
+    if (!length) return;
+    char *end;
+    errno = 0;
+    r->length = strtoull(length, &end, 10);
+    r->has_length = true;
+    if (errno || *length < '0' || *length > '9' || *end)
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Content-Length is not a number");
+}
+
+static void begin(bw_request *r, const char *method, const char *version, const char *path) {
+    check_framing(r);
+    if (!bw_request_header(r, "Host") && strcmp(version, "HTTP/1.0") != 0)
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "a request says with Host whom it is for");
+    if (r->reply || !bw_route_find(r, method, path)) return;
+    if (bw_routes[r->op].begin) bw_routes[r->op].begin(r);
+    else if (r->has_length && r->length > BW_BODY_MOST)
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
+}
+
+/* ---- the body ---- */
+
+static bool collect(bw_request *r, const char *data, size_t size) {
+    if (r->body_size + size > BW_BODY_MOST) {
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
+        return true;
+    }
+    if (r->body_size + size + 1 > r->body_room) {
+        size_t room = r->body_size + size + 1 < 4096 ? 4096 : 2 * (r->body_size + size + 1);
+        char *more = realloc(r->body, room);
+        if (!more) return false;
+        r->body = more;
+        r->body_room = room;
+    }
+    memcpy(r->body + r->body_size, data, size);
+    r->body_size += size;
+    r->body[r->body_size] = '\0';
+    return true;
+}
+
+/* Takes a piece of the body. False: hang up. */
+static bool take_body(bw_request *r, const char *data, size_t size) {
+    int64_t ms = bw_mono_ms() - r->started;
+    r->received += size;
+    if (ms > RATE_FREE_MS && (int64_t)r->received < ms / 1000 * RATE_LEAST) return false;
+    if (r->reply) return r->received <= DRAIN_MOST || r->has_length;
+    if (!r->upload) return collect(r, data, size);
+    bw_status status = bw_upload_write(r->upload, data, size);
+    if (status == BW_OK) return true;
+    bw_reply_problem(r, errno == ENOSPC ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the upload could not be written");
+    return true;
+}
+
+/* ---- the course ---- */
+
+static bw_request *new_request(bw_traffic *traffic, struct MHD_Connection *connection) {
+    bw_request *r = calloc(1, sizeof *r);
+    if (!r) return NULL;
+    r->traffic = traffic;
+    r->services = traffic->services;
+    r->connection = connection;
+    r->started = bw_mono_ms();
+    pthread_mutex_lock(&traffic->lock);
+    traffic->active++;
+    pthread_mutex_unlock(&traffic->lock);
+    return r;
+}
+
+enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection, const char *url, const char *method,
+                                   const char *version, const char *data, size_t *size, void **state) {
+    bw_request *r = *state;
+    if (!r) {
+        if (!(r = *state = new_request(user, connection))) return MHD_NO;
+        begin(r, method, version, url);
+        bool waits = bw_request_header(r, "Expect") != NULL;
+        bool whole = !bw_request_header(r, "Transfer-Encoding") && r->length == 0;
+        return r->reply && (waits || whole || r->length > DRAIN_MOST) ? bw_reply_send(r) : MHD_YES;
+    }
+    if (*size) {
+        bool good = take_body(r, data, *size);
+        *size = 0;
+        return good ? MHD_YES : MHD_NO;
+    }
+    r->held = false;
+    if (!r->reply) (r->resume ? r->resume : bw_routes[r->op].handle)(r);
+    return r->held ? MHD_YES : bw_reply_send(r);
+}
+
+void bw_request_on_end(void *user, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode code) {
+    bw_traffic *traffic = user;
+    bw_request *r = *state;
+    (void)connection, (void)code;
+    if (!r) return;
+    bw_upload_abort(r->upload);
+    if (r->reply) MHD_destroy_response(r->reply);
+    if (r->state_free) r->state_free(r->state);
+    free(r->body);
+    free(r);
+    *state = NULL;
+    pthread_mutex_lock(&traffic->lock);
+    if (--traffic->active == 0) pthread_cond_signal(&traffic->changed);
+    pthread_mutex_unlock(&traffic->lock);
+}
+
+/* ---- waiting ---- */
+
+void bw_request_suspend(bw_request *r) {
+    pthread_mutex_lock(&r->traffic->lock);
+    r->traffic->suspended++;
+    pthread_mutex_unlock(&r->traffic->lock);
+    r->held = true;
+    MHD_suspend_connection(r->connection);
+}
+
+void bw_request_resume(bw_request *r) {
+    bw_traffic *traffic = r->traffic;
+    MHD_resume_connection(r->connection);
+    pthread_mutex_lock(&traffic->lock);
+    if (--traffic->suspended == 0) pthread_cond_signal(&traffic->changed);
+    pthread_mutex_unlock(&traffic->lock);
+}

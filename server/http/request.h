@@ -1,0 +1,78 @@
+/* A request on its way through the daemon.
+ *
+ *     begin   headers are there, no byte of the body: routing, framing rules, size; uploads are opened
+ *     body    collected (JSON, at most BW_BODY_MOST) or streamed into the upload
+ *     handle  body complete: the operation's function makes the reply, or suspends the request
+ *     resume  after bw_request_resume(): r->resume, or else handle again
+ * A reply made in an earlier step ends the request: at once if the client waits for "100 Continue" or the body is large, else
+ * after the body has been read and thrown away, for clients that only listen when they have spoken.
+ *
+ * An HTTP thread serves many connections and must not wait. An operation that has to (for a commit, for the end of a job) calls
+ * bw_request_suspend() before it hands the request on, and returns without a reply; whoever it handed it to calls bw_request_resume(),
+ * from any thread, exactly once. Suspended requests do not time out, and nobody notices when their client goes away; the reply is lost then.
+ */
+#ifndef BW_SERVER_HTTP_REQUEST_H
+#define BW_SERVER_HTTP_REQUEST_H
+
+#include <jansson.h>
+#include <microhttpd.h>
+#include <pthread.h>
+#include <stdbool.h>
+
+#include "bw_api.h"
+#include "server/http/http.h"
+
+enum {
+    BW_BODY_MOST = 65536,
+    BW_PARAMETER_MOST = 128,
+    BW_WAIT_MOST = 60,       /* seconds */
+    BW_ROOM_KEPT = 64 << 20, /* bytes of the disk that uploads leave to the queue */
+};
+
+/* All requests under way. */
+typedef struct {
+    const bw_services *services;
+    pthread_mutex_t lock;
+    pthread_cond_t changed; /* a count has become 0 */
+    unsigned active, suspended;
+} bw_traffic;
+
+typedef struct bw_request {
+    bw_traffic *traffic;
+    const bw_services *services;
+    struct MHD_Connection *connection;
+    bw_op op;
+    char parameters[2][BW_PARAMETER_MOST]; /* the variable segments of the path, in order */
+    bool has_length;
+    uint64_t length;                       /* Content-Length */
+    uint64_t received;
+    int64_t started;
+    char *body; /* NUL-terminated; NULL until the first byte */
+    size_t body_size, body_room;
+    bw_upload *upload;
+    struct MHD_Response *reply; /* NULL until made */
+    unsigned reply_status;
+    bool held;                           /* suspended in the call under way; of the HTTP thread only */
+    void (*resume)(struct bw_request *); /* NULL: handle */
+    void *state;                         /* of the operation, between its calls */
+    void (*state_free)(void *state);     /* may be NULL */
+} bw_request;
+
+/* From handle or resume only (or from a reader of a streamed reply), on the HTTP thread. */
+void bw_request_suspend(bw_request *request);
+/* The request may be gone when this returns. */
+void bw_request_resume(bw_request *request);
+
+const char *bw_request_header(const bw_request *request, const char *name); /* NULL if absent */
+const char *bw_request_query(const bw_request *request, const char *name);
+/* A whole number in [low, high] from the query; `otherwise` if it is not given. False after a reply. */
+bool bw_request_number(bw_request *request, const char *name, int64_t low, int64_t high, int64_t otherwise, int64_t *value);
+/* RFC 7240: seconds of `Prefer: wait=SECONDS`, at most BW_WAIT_MOST; 0 if there is none, or none that is understood. */
+int bw_request_wait_preferred(const bw_request *request);
+
+/* For http.c: what libmicrohttpd calls; `user` is the bw_traffic. */
+enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection, const char *url, const char *method,
+                                   const char *version, const char *data, size_t *size, void **state);
+void bw_request_on_end(void *user, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode code);
+
+#endif
