@@ -1,188 +1,317 @@
+/* Where settings come from. settings.c has the table and the values. */
 #include "server/config.h"
 
-#include <arpa/inet.h>
+#include <ctype.h>
 #include <errno.h>
-#include <getopt.h>
 #include <inttypes.h>
-#include <stdbool.h>
-#include <stdio.h>
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char help[] =
-    "blockwrightd - decomposes parametrized tet meshes and hexahedral meshes into blocks, over HTTP\n"
-    "\n"
-    "  blockwrightd --data DIR [options]\n"
-    "\n"
-    "  --data DIR              where blobs, jobs and results are kept; made if missing. One daemon per folder.\n"
-    "  --listen ADDRESS:PORT   default 127.0.0.1:8080. Loopback only, for there are no access tokens yet.\n"
-    "                          Port 0 takes a free one; the address is written to DIR/address in any case.\n"
-    "  --workers N             stages that run at the same time; default: one per core\n"
-    "  --max-upload SIZE       largest input; default 2G\n"
-    "  --stage-memory SIZE     memory one stage may take; default 4G\n"
-    "  --stage-output SIZE     largest file one stage may write; default 16G\n"
-    "  --stage-cpu-seconds N   processor time one stage may take; default 3600\n"
-    "  --stage-wall-seconds N  time one stage may take by the clock; default 7200\n"
-    "  --worker PROGRAM        the worker; default: blockwright-worker beside this program\n"
-    "  --version, --help\n"
-    "\n"
-    "SIZE is in bytes, or with K, M, G, T in powers of 1024. SIGTERM stops the daemon in order; nothing accepted is lost\n"
-    "whichever way it ends. Log: one line per event on stderr.\n"
-    "\n"
-    "Try it:\n"
-    "  blockwrightd --data /tmp/bw &\n"
-    "  h=$(sha256sum part.hexex | cut -d' ' -f1)\n"
-    "  curl -T part.hexex http://127.0.0.1:8080/v1/blobs/$h\n"
-    "  curl -H 'Content-Type: application/json' -d '{\"input\":\"'$h'\"}' http://127.0.0.1:8080/v1/jobs\n"
-    "  curl http://127.0.0.1:8080/v1/jobs\n"
-    "Hex meshes of jobs, in a browser: http://127.0.0.1:8080/\n"
-    "The whole interface: curl http://127.0.0.1:8080/openapi.json\n";
+enum { LINE_MOST = 2 * PATH_MAX, HELP_WIDTH = 118, HELP_INDENT = 32 };
 
-static bool mistake(const char *format, const char *value) {
-    fprintf(stderr, "blockwrightd: ");
-    fprintf(stderr, format, value);
-    fprintf(stderr, "\nblockwrightd: try --help\n");
+static const char prefix[] = "BLOCKWRIGHT_";
+/* Variables with the prefix that are not the daemon's. */
+static const char *const of_others[] = {"BLOCKWRIGHT_SERVER", "BLOCKWRIGHT_TOKEN"};
+
+extern char **environ;
+
+static bool mistake(char error[BW_CONFIG_ERROR], const char *format, ...) __attribute__((format(printf, 2, 3)));
+static bool mistake(char error[BW_CONFIG_ERROR], const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(error, BW_CONFIG_ERROR, format, args);
+    va_end(args);
     return false;
 }
 
-static bool parse_size(const char *text, uint64_t *size) {
-    char *end;
-    errno = 0;
-    unsigned long long n = strtoull(text, &end, 10);
-    const char *units = "KMGT", *unit = *end ? strchr(units, *end) : NULL;
-    int shift = unit ? 10 * (int)(unit - units + 1) : 0;
-    if (unit) end++;
-    if (errno || *text < '0' || *text > '9' || *end || n == 0 || n > (UINT64_MAX >> 2) >> shift)
-        return mistake("'%s' is not a size (examples: 1000000, 512M, 2G)", text);
-    *size = (uint64_t)n << shift;
+/* "; did you mean NAME?" or nothing. */
+static const char *hint(const char *before, const char *name, size_t length, char text[96]) {
+    const char *nearest = bw_setting_nearest(name, length);
+    text[0] = '\0';
+    if (nearest) snprintf(text, 96, "; did you mean %s%s?", before, nearest);
+    return text;
+}
+
+static bool apply(bw_config *config, int index, const char *text, bw_origin origin, const char *place,
+                  char error[BW_CONFIG_ERROR]) {
+    char why[400];
+    if (!bw_setting_parse(&bw_settings[index], config, text, why, sizeof why)) return mistake(error, "%s: %s", place, why);
+    config->origins[index] = origin;
     return true;
 }
 
-static bool parse_int(const char *text, int most, int *value) {
-    char *end;
-    errno = 0;
-    long n = strtol(text, &end, 10);
-    if (errno || *text < '0' || *text > '9' || *end || n < 1 || n > most)
-        return mistake("'%s' is not a number in the range that makes sense here", text);
-    *value = (int)n;
-    return true;
-}
-
-static bool is_loopback(const struct sockaddr_storage *address) {
-    if (address->ss_family == AF_INET) {
-        const struct sockaddr_in *in = (const struct sockaddr_in *)address;
-        return ntohl(in->sin_addr.s_addr) >> 24 == 127;
-    }
-    return IN6_IS_ADDR_LOOPBACK(&((const struct sockaddr_in6 *)address)->sin6_addr);
-}
-
-/* ADDRESS:PORT with a numeric address or "localhost"; an IPv6 address stands in brackets. */
-static bool parse_listen(bw_config *config, const char *text) {
-    char host[64];
-    const char *colon = strrchr(text, ':');
-    char *end;
-    if (!colon || colon == text || (size_t)(colon - text) >= sizeof host)
-        return mistake("'%s' is not ADDRESS:PORT", text);
-    size_t n = (size_t)(colon - text);
-    memcpy(host, text, n);
-    host[n] = '\0';
-    unsigned long port = strtoul(colon + 1, &end, 10);
-    if (colon[1] < '0' || colon[1] > '9' || *end || port > 65535) return mistake("'%s' has no valid port", text);
-    memset(&config->listen, 0, sizeof config->listen);
-    struct sockaddr_in *in = (struct sockaddr_in *)&config->listen;
-    struct sockaddr_in6 *in6 = (struct sockaddr_in6 *)&config->listen;
-    if (host[0] == '[' && host[n - 1] == ']') {
-        host[n - 1] = '\0';
-        if (inet_pton(AF_INET6, host + 1, &in6->sin6_addr) != 1) return mistake("'%s' has no valid IPv6 address", text);
-        in6->sin6_family = AF_INET6;
-        in6->sin6_port = htons((uint16_t)port);
-        config->listen_size = sizeof *in6;
-    } else {
-        if (inet_pton(AF_INET, strcmp(host, "localhost") ? host : "127.0.0.1", &in->sin_addr) != 1)
-            return mistake("'%s' has no valid IPv4 address (IPv6 stands in brackets: [::1]:8080)", text);
-        in->sin_family = AF_INET;
-        in->sin_port = htons((uint16_t)port);
-        config->listen_size = sizeof *in;
-    }
-    if (!is_loopback(&config->listen))
-        return mistake("refusing to listen on '%s': without access tokens everybody who reaches that address could use "
-                       "the daemon. Listen on 127.0.0.1 or [::1], and put a proxy that authenticates before it.", text);
-    return true;
-}
-
-static bool defaults(bw_config *config) {
+static bool set_defaults(bw_config *config, char error[BW_CONFIG_ERROR]) {
+    char text[BW_VALUE_TEXT];
     memset(config, 0, sizeof *config);
-    long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    config->workers = cores > 0 ? (int)cores : 1;
-    config->max_upload = (uint64_t)2 << 30;
-    config->stage_memory = (uint64_t)4 << 30;
-    config->stage_output = (uint64_t)16 << 30;
-    config->stage_cpu_seconds = 3600;
-    config->stage_wall_seconds = 7200;
-    ssize_t n = readlink("/proc/self/exe", config->worker, sizeof config->worker - 32);
-    if (n <= 0) return mistake("cannot read %s to find the worker beside this program", "/proc/self/exe");
-    config->worker[n] = '\0';
-    strcpy(strrchr(config->worker, '/') + 1, "blockwright-worker");
-    return parse_listen(config, "127.0.0.1:8080");
-}
-
-static bool finish(bw_config *config, const char *data, const char *worker) {
-    char *real;
-    if (!data) return mistake("say with %s where jobs and results are to be kept", "--data DIR");
-    if (mkdir(data, 0700) != 0 && errno != EEXIST) return mistake("cannot make the folder '%s'", data);
-    if (!(real = realpath(data, NULL)) || strlen(real) >= sizeof config->data) {
-        free(real);
-        return mistake("cannot use the folder '%s'", data);
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        const char *value = bw_setting_default(&bw_settings[i], text);
+        if (*value && !apply(config, (int)i, value, (bw_origin){BW_FROM_DEFAULT, 0}, bw_settings[i].name, error)) return false;
     }
-    strcpy(config->data, real);
-    free(real);
-    if (worker) {
-        if (!(real = realpath(worker, NULL)) || strlen(real) >= sizeof config->worker) {
-            free(real);
-            return mistake("there is no worker '%s'", worker);
-        }
-        strcpy(config->worker, real);
-        free(real);
-    }
-    if (access(config->worker, X_OK) != 0) return mistake("the worker '%s' cannot be run", config->worker);
     return true;
 }
 
-enum { DATA = 1, LISTEN, WORKERS, UPLOAD, MEMORY, OUTPUT, CPU, WALL, WORKER, VERSION, HELP };
+/* ---- the file ---- */
 
-static const struct option names[] = {
-    {"data", 1, 0, DATA},           {"listen", 1, 0, LISTEN},          {"workers", 1, 0, WORKERS},
-    {"max-upload", 1, 0, UPLOAD},   {"stage-memory", 1, 0, MEMORY},    {"stage-output", 1, 0, OUTPUT},
-    {"stage-cpu-seconds", 1, 0, CPU}, {"stage-wall-seconds", 1, 0, WALL}, {"worker", 1, 0, WORKER},
-    {"version", 0, 0, VERSION},     {"help", 0, 0, HELP},              {0, 0, 0, 0}};
+/* Cuts the value out of what stands after '=': up to a comment or the end, or between double quotes, where \" and \\ stand for
+ * themselves without the backslash. NULL if the quotes do not end or something follows them. */
+static char *cut_value(char *text) {
+    text += strspn(text, " \t");
+    if (*text != '"') {
+        char *end = text;
+        while (*end && !(*end == '#' && (end == text || isblank((unsigned char)end[-1])))) end++;
+        while (end > text && isspace((unsigned char)end[-1])) end--;
+        *end = '\0';
+        return text;
+    }
+    char *from = text + 1, *to = text;
+    while (*from && *from != '"') {
+        if (*from == '\\' && (from[1] == '"' || from[1] == '\\')) from++;
+        *to++ = *from++;
+    }
+    if (*from != '"') return NULL;
+    from += 1 + strspn(from + 1, " \t\r\n");
+    *to = '\0';
+    return *from && *from != '#' ? NULL : text;
+}
 
-int bw_config_parse(bw_config *config, int argc, char **argv) {
-    enum { DAY = 86400 };
-    const char *data = NULL, *worker = NULL;
-    if (!defaults(config)) return 2;
-    for (int c; (c = getopt_long(argc, argv, "", names, NULL)) != -1;) {
-        bool good = true;
-        switch (c) {
-        case DATA: data = optarg; break;
-        case LISTEN: good = parse_listen(config, optarg); break;
-        case WORKERS: good = parse_int(optarg, 256, &config->workers); break;
-        case UPLOAD: good = parse_size(optarg, &config->max_upload); break;
-        case MEMORY: good = parse_size(optarg, &config->stage_memory); break;
-        case OUTPUT: good = parse_size(optarg, &config->stage_output); break;
-        case CPU: good = parse_int(optarg, 30 * DAY, &config->stage_cpu_seconds); break;
-        case WALL: good = parse_int(optarg, 30 * DAY, &config->stage_wall_seconds); break;
-        case WORKER: worker = optarg; break;
-        case VERSION: printf("blockwrightd %s\n", BW_VERSION); return 0;
-        case HELP: fputs(help, stdout); return 0;
-        default: fprintf(stderr, "blockwrightd: try --help\n"); return 2;
+static bool apply_line(bw_config *config, char *line, int number, char error[BW_CONFIG_ERROR]) {
+    char near[96], place[PATH_MAX + 96];
+    const char *file = config->file;
+    line += strspn(line, " \t\r\n");
+    if (!*line || *line == '#') return true;
+    size_t length = strcspn(line, " \t\r\n=#");
+    char *equals = line + length + strspn(line + length, " \t");
+    if (*equals != '=' || length == 0)
+        return mistake(error, "%.300s:%d: '%.60s' is not \"name = value\"", file, number, strtok(line, "\r\n"));
+    int index = bw_setting_find(line, length);
+    if (index < 0)
+        return mistake(error, "%.300s:%d: there is no setting '%.*s'%s", file, number, length > 60 ? 60 : (int)length, line,
+                       hint("", line, length, near));
+    if (strcmp(bw_settings[index].name, "config") == 0)
+        return mistake(error, "%.300s:%d: a file cannot name another one", file, number);
+    if (config->origins[index].source == BW_FROM_FILE)
+        return mistake(error, "%.300s:%d: %s was already set on line %d", file, number, bw_settings[index].name,
+                       config->origins[index].line);
+    char *value = cut_value(equals + 1);
+    if (!value) return mistake(error, "%.300s:%d: %s: the quotes do not fit", file, number, bw_settings[index].name);
+    snprintf(place, sizeof place, "%.300s:%d: %s", file, number, bw_settings[index].name);
+    return apply(config, index, value, (bw_origin){BW_FROM_FILE, number}, place, error);
+}
+
+static bool apply_file(bw_config *config, char error[BW_CONFIG_ERROR]) {
+    char line[LINE_MOST];
+    bool good = true;
+    if (!*config->file) return true;
+    FILE *f = fopen(config->file, "re");
+    if (!f) return mistake(error, "cannot read the configuration file '%.300s': %s", config->file, strerror(errno));
+    for (int number = 1; good && fgets(line, sizeof line, f); number++) {
+        size_t n = strlen(line);
+        if (n == 0 || (line[n - 1] != '\n' && !feof(f)))
+            good = mistake(error, "%.300s:%d: the line is too long, or has a zero byte in it", config->file, number);
+        else good = apply_line(config, line, number, error);
+    }
+    if (good && ferror(f)) good = mistake(error, "cannot read the configuration file '%.300s': %s", config->file, strerror(errno));
+    fclose(f);
+    return good;
+}
+
+/* ---- the environment ---- */
+
+static void variable_of(const bw_setting *s, char name[96]) {
+    size_t n = (size_t)snprintf(name, 96, "%s%s", prefix, s->name);
+    for (size_t i = sizeof prefix - 1; i < n; i++) name[i] = name[i] == '-' ? '_' : (char)toupper((unsigned char)name[i]);
+}
+
+static bool apply_environment(bw_config *config, char error[BW_CONFIG_ERROR]) {
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        char name[96];
+        variable_of(&bw_settings[i], name);
+        const char *value = getenv(name);
+        if (value && !apply(config, (int)i, value, (bw_origin){BW_FROM_ENVIRONMENT, 0}, name, error)) return false;
+    }
+    return true;
+}
+
+static bool belongs(const char *variable) {
+    size_t n = strcspn(variable, "=");
+    char name[96];
+    for (size_t i = 0; i < sizeof of_others / sizeof *of_others; i++)
+        if (strlen(of_others[i]) == n && strncmp(of_others[i], variable, n) == 0) return true;
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        variable_of(&bw_settings[i], name);
+        if (strlen(name) == n && strncmp(name, variable, n) == 0) return true;
+    }
+    return false;
+}
+
+const char *bw_config_stray_variable(size_t i) {
+    for (char **v = environ; v && *v; v++)
+        if (strncmp(*v, prefix, sizeof prefix - 1) == 0 && !belongs(*v) && i-- == 0) return *v;
+    return NULL;
+}
+
+/* ---- the command line ---- */
+
+static bool is_ask(const char *word, bw_ask *ask) {
+    static const struct {
+        const char *word;
+        bw_ask ask;
+    } words[] = {{"--check-config", BW_ASK_CHECK}, {"--help", BW_ASK_HELP}, {"--version", BW_ASK_VERSION}};
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        if (strcmp(word, words[i].word) == 0 && words[i].ask > *ask) *ask = words[i].ask;
+    return strcmp(word, "--check-config") == 0 || strcmp(word, "--help") == 0 || strcmp(word, "--version") == 0;
+}
+
+/* Moves the settings of the command line into `flags` (NULL: not given). */
+static bool take_flags(int *argc, char **argv, bool others, bw_ask *ask, const char *flags[BW_SETTINGS_MOST],
+                       char error[BW_CONFIG_ERROR]) {
+    int kept = 1;
+    char near[96];
+    for (int i = 1; i < *argc; i++) {
+        const char *word = argv[i], *name = word + 2;
+        bool flag = strncmp(word, "--", 2) == 0;
+        size_t length = flag ? strcspn(name, "=") : 0;
+        int index = flag ? bw_setting_find(name, length) : -1;
+        if (index >= 0 && name[length] == '=') {
+            flags[index] = name + length + 1;
+        } else if (index >= 0) {
+            if (i + 1 >= *argc) return mistake(error, "%s: the value is missing", word);
+            flags[index] = argv[++i];
+        } else if (!is_ask(word, ask)) {
+            if (!others)
+                return mistake(error, "'%.80s' is not an option%s", word, flag ? hint("--", name, length, near) : "");
+            argv[kept++] = argv[i];
         }
-        if (!good) return 2;
     }
-    if (optind < argc) {
-        mistake("'%s' is not an option", argv[optind]);
-        return 2;
+    *argc = kept;
+    argv[kept] = NULL;
+    return true;
+}
+
+static bool apply_flags(bw_config *config, const char *const flags[BW_SETTINGS_MOST], char error[BW_CONFIG_ERROR]) {
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        char place[96];
+        snprintf(place, sizeof place, "--%s", bw_settings[i].name);
+        if (flags[i] && !apply(config, (int)i, flags[i], (bw_origin){BW_FROM_FLAG, 0}, place, error)) return false;
     }
-    return finish(config, data, worker) ? -1 : 2;
+    return true;
+}
+
+/* ---- all together ---- */
+
+/* The data folder by its real name, so that two ways to it are seen to be one. */
+static bool resolve_data(bw_config *config) {
+    char *real = realpath(config->data, NULL);
+    bool good = real && strlen(real) < sizeof config->data;
+    if (good) strcpy(config->data, real);
+    free(real);
+    return good;
+}
+
+/* What no single value shows. */
+static bool complete(bw_config *config, char error[BW_CONFIG_ERROR]) {
+    struct stat info;
+    config->listen_size = config->listen.ss_family == AF_INET6 ? sizeof(struct sockaddr_in6) : sizeof(struct sockaddr_in);
+    if (!*config->data) return mistake(error, "say with --data DIR where jobs and results are to be kept");
+    if (resolve_data(config) && stat(config->data, &info) == 0 && !S_ISDIR(info.st_mode))
+        return mistake(error, "the data folder '%.300s' is a file", config->data);
+    if (access(config->worker, X_OK) != 0) return mistake(error, "the worker '%.300s' cannot be run", config->worker);
+    return true;
+}
+
+bool bw_config_load(bw_config *config, int *argc, char **argv, bool others, bw_ask *ask, char error[BW_CONFIG_ERROR]) {
+    const char *flags[BW_SETTINGS_MOST] = {NULL};
+    int file = bw_setting_find("config", strlen("config"));
+    *ask = BW_ASK_RUN;
+    if (!take_flags(argc, argv, others, ask, flags, error)) return false;
+    if (*ask == BW_ASK_HELP || *ask == BW_ASK_VERSION) return true;
+    if (!set_defaults(config, error)) return false;
+    const char *path = flags[file] ? flags[file] : getenv("BLOCKWRIGHT_CONFIG");
+    if (path && !apply(config, file, path, (bw_origin){BW_FROM_FLAG, 0}, "--config", error)) return false;
+    return apply_file(config, error) && apply_environment(config, error) && apply_flags(config, flags, error) &&
+           complete(config, error);
+}
+
+bool bw_config_make_data(bw_config *config, char error[BW_CONFIG_ERROR]) {
+    if (mkdir(config->data, 0700) != 0 && errno != EEXIST)
+        return mistake(error, "cannot make the folder '%.300s': %s", config->data, strerror(errno));
+    return resolve_data(config) || mistake(error, "cannot use the folder '%.300s'", config->data);
+}
+
+void bw_config_reload(bw_config *live, const bw_config *fresh,
+                      void (*tell)(const bw_setting *setting, const char *value, bool applied)) {
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        const bw_setting *s = &bw_settings[i];
+        char before[BW_VALUE_TEXT], after[BW_VALUE_TEXT], why[8];
+        bw_setting_text(s, live, before);
+        bw_setting_text(s, fresh, after);
+        if (s->reloadable) live->origins[i] = fresh->origins[i];
+        if (strcmp(before, after) == 0) continue;
+        tell(s, after, s->reloadable && bw_setting_parse(s, live, after, why, sizeof why));
+    }
+}
+
+/* ---- telling ---- */
+
+/* The value as cut_value() reads it. */
+static void print_value(const char *text, FILE *to) {
+    if (*text && !strpbrk(text, "\"#") && text[0] != ' ' && text[strlen(text) - 1] != ' ') {
+        fputs(text, to);
+        return;
+    }
+    fputc('"', to);
+    for (; *text; text++) fprintf(to, *text == '"' || *text == '\\' ? "\\%c" : "%c", *text);
+    fputc('"', to);
+}
+
+static void print_origin(const bw_config *config, size_t i, FILE *to) {
+    const bw_setting *s = &bw_settings[i];
+    char name[96];
+    variable_of(s, name);
+    switch (config->origins[i].source) {
+    case BW_FROM_DEFAULT: fprintf(to, "  # default\n"); break;
+    case BW_FROM_FILE: fprintf(to, "  # %s:%d\n", config->file, config->origins[i].line); break;
+    case BW_FROM_ENVIRONMENT: fprintf(to, "  # %s\n", name); break;
+    case BW_FROM_FLAG: fprintf(to, "  # --%s\n", s->name); break;
+    }
+}
+
+void bw_config_print(const bw_config *config, FILE *to) {
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        char text[BW_VALUE_TEXT];
+        bw_setting_text(&bw_settings[i], config, text);
+        if (!*text) continue;
+        bool comment = bw_settings[i].offset == offsetof(bw_config, file); /* cannot stand in a file */
+        fprintf(to, "%s%s = ", comment ? "# " : "", bw_settings[i].name);
+        print_value(text, to);
+        print_origin(config, i, to);
+    }
+}
+
+static void print_wrapped(const char *text, FILE *to) {
+    for (size_t column = HELP_INDENT, n; *text; text += n + strspn(text + n, " "), column += n) {
+        bool first = column == HELP_INDENT;
+        n = strcspn(text, " ");
+        if (column + n >= HELP_WIDTH) fprintf(to, "\n%*s", HELP_INDENT, ""), column = HELP_INDENT, first = true;
+        if (!first) fputc(' ', to), column++;
+        fprintf(to, "%.*s", (int)n, text);
+    }
+    fputc('\n', to);
+}
+
+void bw_config_print_help(FILE *to) {
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        const bw_setting *s = &bw_settings[i];
+        char left[96], right[700];
+        int n = snprintf(left, sizeof left, "  %s--%s %s", s->reloadable ? "* " : "  ", s->name, s->value);
+        fprintf(to, "%-*s", HELP_INDENT, left);
+        if (n >= HELP_INDENT) fprintf(to, "\n%*s", HELP_INDENT, "");
+        n = snprintf(right, sizeof right, "%s", s->help);
+        if (s->choices) n += snprintf(right + n, sizeof right - (size_t)n, ": %s", s->choices);
+        if (s->standard) snprintf(right + n, sizeof right - (size_t)n, "; default %s", s->standard);
+        print_wrapped(right, to);
+    }
 }

@@ -53,7 +53,8 @@ struct bw_dispatch {
     uint64_t tokens;
     pthread_t thread;
     pthread_mutex_t lock; /* progress, note and job id of the slots, for other threads */
-    atomic_bool stopping, alive;
+    atomic_bool stopping, draining, alive;
+    _Atomic uint64_t turns;
     slot *slots;
 };
 
@@ -501,7 +502,10 @@ static bw_status turn(bw_dispatch *d, struct pollfd *fds, int64_t *next_due) {
         if (fds[i].revents && of[i]->channel == fds[i].fd) read_channel(d, of[i]);
     bw_status status = read_spawner(d);
     if (status == BW_OK) status = watch_running(d, woken);
-    if (status == BW_OK && !atomic_load(&d->stopping)) status = start_waiting(d, next_due);
+    bool claims = !atomic_load(&d->stopping) && !atomic_load(&d->draining);
+    if (!claims) *next_due = 0;
+    if (status == BW_OK && claims) status = start_waiting(d, next_due);
+    atomic_fetch_add(&d->turns, 1);
     return status;
 }
 
@@ -564,6 +568,21 @@ double bw_dispatch_progress(bw_dispatch *d, const char *job, char note[BW_NOTE_T
 }
 
 bool bw_dispatch_alive(bw_dispatch *d) { return atomic_load(&d->alive); }
+uint64_t bw_dispatch_turns(bw_dispatch *d) { return atomic_load(&d->turns); }
+
+void bw_dispatch_drain(bw_dispatch *d) {
+    atomic_store(&d->draining, true);
+    bw_dispatch_wake(d);
+}
+
+bool bw_dispatch_draining(bw_dispatch *d) { return atomic_load(&d->draining); }
+
+bool bw_dispatch_busy(bw_dispatch *d) {
+    pthread_mutex_lock(&d->lock);
+    bool busy = any_busy(d);
+    pthread_mutex_unlock(&d->lock);
+    return busy;
+}
 
 void bw_dispatch_stop(bw_dispatch *d) {
     if (!d) return;

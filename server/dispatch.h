@@ -39,6 +39,11 @@ enum { BW_NOTE_TEXT = 201 };
 /* Progress of the running stage of a job and the best its search has found so far, 0 and "" if it does not run. */
 double bw_dispatch_progress(bw_dispatch *dispatch, const char *job, char note[BW_NOTE_TEXT]);
 bool bw_dispatch_alive(bw_dispatch *dispatch);
+uint64_t bw_dispatch_turns(bw_dispatch *dispatch); /* rounds of the loop; one follows every wake */
+/* Claims nothing any more, for good. What runs goes on, and its outputs are filed. */
+void bw_dispatch_drain(bw_dispatch *dispatch);
+bool bw_dispatch_draining(bw_dispatch *dispatch);
+bool bw_dispatch_busy(bw_dispatch *dispatch); /* whether any stage is running */
 /* Ends the running attempts (given back to the queue), joins the thread and frees. */
 void bw_dispatch_stop(bw_dispatch *dispatch);
 

@@ -14,9 +14,9 @@ void bw_http_ready(bw_request *r) {
     const bw_services *s = r->services;
     bool queue = bw_queue_healthy(s->queue), dispatch = bw_dispatch_alive(s->dispatch);
     bool storage = bw_store_room(s->store) >= BW_ROOM_KEPT, worker = access(s->config->worker, X_OK) == 0;
-    bool all = queue && dispatch && storage && worker;
+    bool drains = bw_dispatch_draining(s->dispatch), all = queue && dispatch && storage && worker && !drains;
     json_t *checks = json_pack("{s:s, s:s, s:s, s:s}", "queue", queue ? "ok" : "the database does not read or write",
-                               "dispatcher", dispatch ? "ok" : "it has stopped", "storage",
+                               "dispatcher", !dispatch ? "it has stopped" : drains ? "it is draining, the daemon is about to stop" : "ok", "storage",
                                storage ? "ok" : "the disk is full", "worker", worker ? "ok" : "the program cannot be run");
     json_t *limits = json_pack("{s:b, s:b, s:b, s:b, s:I, s:i, s:i}", "address_space", bw_spawner_limits_memory(),
                                "no_new_privileges", 1, "seccomp", 0, "landlock", 0, "stage_memory",

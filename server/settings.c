@@ -1,0 +1,283 @@
+/* The table of settings, and how their values are written. */
+#include "server/config.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { DAY = 86400 };
+static const int64_t size_most = INT64_MAX >> 2;
+
+#define FIELD(member) offsetof(bw_config, member), sizeof(((bw_config *)0)->member)
+#define PATH(member) BW_SETTING_PATH, FIELD(member), 0, 0, 0, NULL
+#define ADDRESS(member) BW_SETTING_ADDRESS, FIELD(member), 0, 0, 0, NULL
+#define COUNT(member, low, high) BW_SETTING_COUNT, FIELD(member), low, high, 0, NULL
+#define SIZE(member) BW_SETTING_SIZE, FIELD(member), 1, size_most, 0, NULL
+#define SECONDS(member, low, high) BW_SETTING_DURATION, FIELD(member), low, high, 1000, NULL
+#define MILLISECONDS(member, low, high) BW_SETTING_DURATION, FIELD(member), low, high, 1, NULL
+#define CHOICE(member, words) BW_SETTING_CHOICE, FIELD(member), 0, 0, 0, words
+
+const bw_setting bw_settings[] = {
+    {"config", PATH(file), NULL, false, "FILE", "file with settings, one \"name = value\" a line, # begins a comment"},
+    {"data", PATH(data), NULL, false, "DIR",
+     "where blobs, jobs and results are kept; made if missing. One daemon per folder. Must be given"},
+    {"listen", ADDRESS(listen), "127.0.0.1:8080", false, "ADDRESS:PORT",
+     "Loopback only, for there are no access tokens yet. Port 0 takes a free one; the address is written to DIR/address in any case"},
+    {"worker", PATH(worker), NULL, false, "PROGRAM", "the worker, by default the blockwright-worker beside this program"},
+    {"workers", COUNT(workers, 1, 256), NULL, false, "N", "stages that run at the same time, by default one per core"},
+    {"max-upload", SIZE(max_upload), "2G", true, "SIZE", "largest input"},
+    {"stage-memory", SIZE(stage_memory), "4G", true, "SIZE", "memory one stage may take"},
+    {"stage-output", SIZE(stage_output), "16G", true, "SIZE", "largest file one stage may write"},
+    {"stage-cpu-seconds", SECONDS(stage_cpu_seconds, 1, 30 * DAY), "1h", true, "TIME", "processor time one stage may take"},
+    {"stage-wall-seconds", SECONDS(stage_wall_seconds, 1, 30 * DAY), "2h", true, "TIME", "time one stage may take by the clock"},
+    {"stop-grace", MILLISECONDS(stop_grace_ms, 0, DAY * 1000), "0s", true, "TIME",
+     "how long running stages may go on after SIGTERM before they are given back to the queue"},
+    {"log-level", CHOICE(log_level, "debug info warn error"), "info", true, "LEVEL", "least level that is logged"},
+    {"log-format", CHOICE(log_format, "logfmt json"), "logfmt", true, "FORMAT", "how a line of the log is written"},
+};
+const size_t bw_setting_count = sizeof bw_settings / sizeof *bw_settings;
+_Static_assert(sizeof bw_settings / sizeof *bw_settings <= BW_SETTINGS_MOST, "raise BW_SETTINGS_MOST");
+
+/* ---- names ---- */
+
+int bw_setting_find(const char *name, size_t length) {
+    for (size_t i = 0; i < bw_setting_count; i++)
+        if (strlen(bw_settings[i].name) == length && strncmp(bw_settings[i].name, name, length) == 0) return (int)i;
+    return -1;
+}
+
+/* Levenshtein's distance with a row of the table, for words of less than 64 letters. */
+static size_t distance(const char *a, size_t n, const char *b, size_t m) {
+    size_t row[64];
+    for (size_t j = 0; j <= m; j++) row[j] = j;
+    for (size_t i = 1; i <= n; i++) {
+        size_t corner = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= m; j++) {
+            size_t change = corner + (a[i - 1] != b[j - 1]), least = (row[j] < row[j - 1] ? row[j] : row[j - 1]) + 1;
+            corner = row[j];
+            row[j] = change < least ? change : least;
+        }
+    }
+    return row[m];
+}
+
+const char *bw_setting_nearest(const char *name, size_t length) {
+    const char *best = NULL;
+    size_t least = length < 6 ? 2 : length < 12 ? 3 : 4; /* as many edits are too many */
+    if (length >= 64) return NULL;
+    for (size_t i = 0; i < bw_setting_count; i++) {
+        size_t d = distance(name, length, bw_settings[i].name, strlen(bw_settings[i].name));
+        if (d < least) least = d, best = bw_settings[i].name;
+    }
+    return best;
+}
+
+/* ---- defaults ---- */
+
+const char *bw_setting_default(const bw_setting *s, char text[BW_VALUE_TEXT]) {
+    text[0] = '\0';
+    if (s->standard) return s->standard;
+    if (s->offset == offsetof(bw_config, workers)) {
+        long cores = sysconf(_SC_NPROCESSORS_ONLN);
+        snprintf(text, BW_VALUE_TEXT, "%ld", cores < 1 ? 1 : cores > s->high ? (long)s->high : cores);
+    } else if (s->offset == offsetof(bw_config, worker)) {
+        static const char name[] = "blockwright-worker";
+        ssize_t n = readlink("/proc/self/exe", text, BW_VALUE_TEXT - sizeof name);
+        text[n > 0 ? n : 0] = '\0';
+        char *slash = strrchr(text, '/');
+        if (slash) memcpy(slash + 1, name, sizeof name);
+    }
+    return text;
+}
+
+/* ---- reading values ---- */
+
+static bool complain(char *error, size_t size, const char *format, ...) __attribute__((format(printf, 3, 4)));
+static bool complain(char *error, size_t size, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    vsnprintf(error, size, format, args);
+    va_end(args);
+    return false;
+}
+
+/* Digits and then a unit: one of `units` or nothing. *number = digits times the unit's factor; false if it is no such thing. */
+typedef struct {
+    const char *name;
+    int64_t factor;
+} unit;
+
+static bool read_number(const char *text, const unit *units, int64_t *number) {
+    char *end;
+    errno = 0;
+    long long n = strtoll(text, &end, 10);
+    if (errno || *text < '0' || *text > '9') return false;
+    for (const unit *u = units; u->name; u++)
+        if (strcmp(u->name, end) == 0) return !__builtin_mul_overflow((int64_t)n, u->factor, number);
+    return false;
+}
+
+static bool parse_count(const bw_setting *s, atomic_int *value, const char *text, char *error, size_t size) {
+    static const unit units[] = {{"", 1}, {NULL, 0}};
+    int64_t n;
+    if (!read_number(text, units, &n)) return complain(error, size, "'%.80s' is not a number", text);
+    if (n < s->low || n > s->high)
+        return complain(error, size, "'%.80s' is not between %" PRId64 " and %" PRId64, text, s->low, s->high);
+    *value = (int)n;
+    return true;
+}
+
+static bool parse_size(const bw_setting *s, _Atomic uint64_t *value, const char *text, char *error, size_t size) {
+    static const unit units[] = {{"", 1},      {"K", (int64_t)1 << 10}, {"M", (int64_t)1 << 20}, {"G", (int64_t)1 << 30},
+                                 {"T", (int64_t)1 << 40}, {NULL, 0}};
+    int64_t n;
+    if (!read_number(text, units, &n) || n < s->low || n > s->high)
+        return complain(error, size, "'%.80s' is not a size (examples: 1000000, 512M, 2G)", text);
+    *value = (uint64_t)n;
+    return true;
+}
+
+static bool parse_duration(const bw_setting *s, atomic_int *value, const char *text, char *error, size_t size) {
+    static const unit units[] = {{"", 1000}, {"ms", 1}, {"s", 1000}, {"m", 60000}, {"h", 3600000}, {"d", 86400000}, {NULL, 0}};
+    int64_t ms;
+    if (!read_number(text, units, &ms))
+        return complain(error, size, "'%.80s' is not a time (examples: 30, 500ms, 30s, 5m, 2h, 1d)", text);
+    if (ms % s->unit_ms) return complain(error, size, "'%.80s' is not a whole number of seconds", text);
+    if (ms / s->unit_ms < s->low || ms / s->unit_ms > s->high)
+        return complain(error, size, "'%.80s' is not between %" PRId64 " and %" PRId64 " %s", text, s->low, s->high,
+                        s->unit_ms == 1 ? "milliseconds" : "seconds");
+    *value = (int)(ms / s->unit_ms);
+    return true;
+}
+
+static bool parse_choice(const bw_setting *s, atomic_int *value, const char *text, char *error, size_t size) {
+    int index = 0;
+    for (const char *word = s->choices; *word; index++) {
+        size_t n = strcspn(word, " ");
+        if (strlen(text) == n && strncmp(word, text, n) == 0) {
+            *value = index;
+            return true;
+        }
+        word += n + (word[n] == ' ');
+    }
+    return complain(error, size, "'%.80s' is none of: %s", text, s->choices);
+}
+
+static bool is_loopback(const struct sockaddr_storage *address) {
+    if (address->ss_family == AF_INET)
+        return ntohl(((const struct sockaddr_in *)address)->sin_addr.s_addr) >> 24 == 127;
+    return IN6_IS_ADDR_LOOPBACK(&((const struct sockaddr_in6 *)address)->sin6_addr);
+}
+
+static bool parse_host(char *host, unsigned long port, struct sockaddr_storage *address) {
+    struct sockaddr_in *in = (struct sockaddr_in *)address;
+    struct sockaddr_in6 *in6 = (struct sockaddr_in6 *)address;
+    size_t n = strlen(host);
+    memset(address, 0, sizeof *address);
+    if (host[0] == '[' && host[n - 1] == ']') {
+        host[n - 1] = '\0';
+        in6->sin6_family = AF_INET6;
+        in6->sin6_port = htons((uint16_t)port);
+        return inet_pton(AF_INET6, host + 1, &in6->sin6_addr) == 1;
+    }
+    in->sin_family = AF_INET;
+    in->sin_port = htons((uint16_t)port);
+    return inet_pton(AF_INET, strcmp(host, "localhost") ? host : "127.0.0.1", &in->sin_addr) == 1;
+}
+
+static bool parse_address(struct sockaddr_storage *address, const char *text, char *error, size_t size) {
+    char host[64], *end;
+    const char *colon = strrchr(text, ':');
+    if (!colon || colon == text || (size_t)(colon - text) >= sizeof host)
+        return complain(error, size, "'%.80s' is not ADDRESS:PORT", text);
+    memcpy(host, text, (size_t)(colon - text));
+    host[colon - text] = '\0';
+    unsigned long port = strtoul(colon + 1, &end, 10);
+    if (colon[1] < '0' || colon[1] > '9' || *end || port > 65535)
+        return complain(error, size, "'%.80s' has no valid port", text);
+    if (!parse_host(host, port, address))
+        return complain(error, size, "'%.80s' has no valid address (IPv6 stands in brackets: [::1]:8080)", text);
+    if (!is_loopback(address))
+        return complain(error, size, "refusing to listen on '%.80s': without access tokens everybody who reaches that address could "
+                        "use the daemon. Listen on 127.0.0.1 or [::1], and put a proxy that authenticates before it.", text);
+    return true;
+}
+
+/* Made absolute, for the daemon reads its file again later. */
+static bool parse_path(const bw_setting *s, char *value, const char *text, char *error, size_t size) {
+    char here[PATH_MAX] = "";
+    if (!*text) return complain(error, size, "the path is empty");
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f) return complain(error, size, "the path has a control character in it");
+    if (*text != '/' && !getcwd(here, sizeof here)) return complain(error, size, "the current folder has no name");
+    int n = snprintf(value, s->room, "%s%s%s", here, *text == '/' ? "" : "/", text);
+    return (n >= 0 && (size_t)n < s->room) || complain(error, size, "'%.80s...' is too long", text);
+}
+
+bool bw_setting_parse(const bw_setting *s, bw_config *config, const char *text, char *error, size_t size) {
+    void *field = (char *)config + s->offset;
+    switch (s->type) {
+    case BW_SETTING_COUNT: return parse_count(s, field, text, error, size);
+    case BW_SETTING_SIZE: return parse_size(s, field, text, error, size);
+    case BW_SETTING_DURATION: return parse_duration(s, field, text, error, size);
+    case BW_SETTING_CHOICE: return parse_choice(s, field, text, error, size);
+    case BW_SETTING_ADDRESS: return parse_address(field, text, error, size);
+    case BW_SETTING_PATH: return parse_path(s, field, text, error, size);
+    }
+    return false;
+}
+
+/* ---- writing values ---- */
+
+static void write_size(uint64_t n, char text[BW_VALUE_TEXT]) {
+    static const char *const letters[] = {"", "K", "M", "G", "T"};
+    int i = 0;
+    for (; n && n % 1024 == 0 && i < 4; i++) n /= 1024;
+    snprintf(text, BW_VALUE_TEXT, "%" PRIu64 "%s", n, letters[i]);
+}
+
+static void write_duration(int64_t ms, char text[BW_VALUE_TEXT]) {
+    static const unit units[] = {{"d", 86400000}, {"h", 3600000}, {"m", 60000}, {"s", 1000}, {"ms", 1}};
+    const unit *u = units;
+    while (ms % u->factor) u++;
+    if (ms == 0) u = &units[3];
+    snprintf(text, BW_VALUE_TEXT, "%" PRId64 "%s", ms / u->factor, u->name);
+}
+
+static void write_choice(const char *word, int index, char text[BW_VALUE_TEXT]) {
+    for (; index > 0; index--) word += strcspn(word, " ") + 1;
+    snprintf(text, BW_VALUE_TEXT, "%.*s", (int)strcspn(word, " "), word);
+}
+
+static void write_address(const struct sockaddr_storage *address, char text[BW_VALUE_TEXT]) {
+    char host[INET6_ADDRSTRLEN] = "";
+    const struct sockaddr_in *in = (const struct sockaddr_in *)address;
+    const struct sockaddr_in6 *in6 = (const struct sockaddr_in6 *)address;
+    if (address->ss_family == AF_INET6) {
+        inet_ntop(AF_INET6, &in6->sin6_addr, host, sizeof host);
+        snprintf(text, BW_VALUE_TEXT, "[%s]:%u", host, ntohs(in6->sin6_port));
+    } else {
+        inet_ntop(AF_INET, &in->sin_addr, host, sizeof host);
+        snprintf(text, BW_VALUE_TEXT, "%s:%u", host, ntohs(in->sin_port));
+    }
+}
+
+char *bw_setting_text(const bw_setting *s, const bw_config *config, char text[BW_VALUE_TEXT]) {
+    const void *field = (const char *)config + s->offset;
+    int number = s->type == BW_SETTING_COUNT || s->type == BW_SETTING_DURATION || s->type == BW_SETTING_CHOICE
+                     ? *(const atomic_int *)field : 0;
+    switch (s->type) {
+    case BW_SETTING_COUNT: snprintf(text, BW_VALUE_TEXT, "%d", number); break;
+    case BW_SETTING_SIZE: write_size(*(const _Atomic uint64_t *)field, text); break;
+    case BW_SETTING_DURATION: write_duration((int64_t)number * s->unit_ms, text); break;
+    case BW_SETTING_CHOICE: write_choice(s->choices, number, text); break;
+    case BW_SETTING_ADDRESS: write_address(field, text); break;
+    case BW_SETTING_PATH: snprintf(text, BW_VALUE_TEXT, "%s", (const char *)field); break;
+    }
+    return text;
+}
