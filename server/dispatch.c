@@ -22,7 +22,7 @@
 #include "server/worker/spawner.h"
 #include "server/worker/worker_proto.h"
 
-enum { LOG_MOST = 4 << 20, TERM_GRACE_MS = 3000, RETRY_PAUSE_MS = 100, PAGE = 64 };
+enum { LOG_MOST = 4 << 20, TERM_GRACE_MS = 3000, RETRY_PAUSE_MS = 100, PAGE = 8 };
 
 _Static_assert((int)BW_NOTE_TEXT > (int)BW_FRAME_NOTE_MOST, "a note has to fit");
 
@@ -266,10 +266,12 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     return launch(d, s, options);
 }
 
-/* Brings a waiting job as far as the cache reaches, then claims its next stage if a worker is free. */
-static bw_status advance_job(bw_dispatch *d, bw_job *job) {
+/* Brings a waiting job as far as the cache reaches, then claims its next stage if a worker is free. *taken: at least one of
+ * the two was done. */
+static bw_status advance_job(bw_dispatch *d, bw_job *job, bool *taken) {
     bw_status status = BW_OK;
     bool done = true;
+    *taken = false;
     json_t *options = json_loads(job->options, 0, NULL);
     while (options && done && status == BW_OK && job->state != BW_JOB_SUCCESSFUL) {
         char key[BW_SHA256_TEXT];
@@ -280,12 +282,14 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job) {
         if (status != BW_OK || (!cached && !s)) break;
         if (!cached) {
             status = bw_queue_claim(d->queue, job, bw_now_ms(), &done);
+            *taken = *taken || done;
             if (status == BW_OK && done) status = occupy(d, s, job, key, options);
             if (s->busy) bw_watch_notify(d->watch, s->job.id);
             break;
         }
         bool results = job->stage == BW_API_STAGE_COUNT - 1;
         status = bw_queue_reuse(d->queue, job, results ? key : "", bw_now_ms(), &done);
+        *taken = *taken || done;
         if (status != BW_OK || !done) continue;
         bw_event(BW_INFO, job->state == BW_JOB_SUCCESSFUL ? "job.successful" : "stage.reused", "job=%s attempt=%d",
                  job->id, job->attempt);
@@ -295,19 +299,19 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job) {
     return status;
 }
 
-static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
-    int64_t after = 0;
+/* One owner's turn: the first of its candidates that can be taken. One whose key is being made waits for that. */
+static bw_status serve(bw_dispatch *d, const char *owner) {
     bw_status status = BW_OK;
-    *next_due = 0;
-    for (size_t count = PAGE; status == BW_OK && count == PAGE && free_slot(d);) {
+    bool taken = false;
+    size_t count = PAGE;
+    for (int skip = 0; status == BW_OK && !taken && count == PAGE && skip < BW_LOOK_MOST; skip += PAGE) {
         bw_job *jobs;
-        status = bw_queue_waiting(d->queue, bw_now_ms(), after, PAGE, &jobs, &count, next_due);
+        status = bw_queue_candidates(d->queue, owner, bw_now_ms(), skip, PAGE, &jobs, &count);
         if (status != BW_OK) return status;
-        for (size_t i = 0; status == BW_OK && i < count && free_slot(d); i++) {
+        for (size_t i = 0; status == BW_OK && !taken && i < count; i++) {
             bw_cancel ignored;
-            after = jobs[i].seq;
             if (!jobs[i].cancel) {
-                status = advance_job(d, &jobs[i]);
+                status = advance_job(d, &jobs[i], &taken);
                 continue;
             }
             status = bw_queue_cancel(d->queue, jobs[i].id, bw_now_ms(), &ignored);
@@ -316,6 +320,19 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
         bw_jobs_free(jobs, count);
     }
     return status;
+}
+
+static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
+    bw_turn turn = {.served = -1};
+    bw_status status = BW_OK;
+    bool found = true;
+    while (free_slot(d)) {
+        status = bw_queue_turn(d->queue, 0, &turn, &found);
+        if (status != BW_OK || !found) break;
+        status = serve(d, turn.owner);
+        if (status != BW_OK) break;
+    }
+    return status == BW_OK ? bw_queue_next_due(d->queue, bw_now_ms(), next_due) : status;
 }
 
 /* ---- ending ---- */

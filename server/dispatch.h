@@ -23,7 +23,7 @@
 #define BW_SERVER_DISPATCH_H
 
 #include "server/config.h"
-#include "server/queue.h"
+#include "server/queue/queue.h"
 #include "server/store.h"
 #include "server/watch.h"
 

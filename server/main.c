@@ -26,7 +26,7 @@
 #include "server/http/http.h"
 #include "server/log.h"
 #include "server/notify.h"
-#include "server/queue.h"
+#include "server/queue/queue.h"
 #include "server/store.h"
 #include "server/watch.h"
 #include "server/worker/spawner.h"

@@ -21,7 +21,7 @@
 #include <stdint.h>
 #include <sys/queue.h>
 
-#include "server/queue.h"
+#include "server/queue/queue.h"
 
 typedef struct bw_watch bw_watch;
 typedef enum { BW_WATCH_NEWS, BW_WATCH_TIME, BW_WATCH_STOP } bw_watch_reason;

@@ -6,7 +6,7 @@
 
 #include "server/config.h"
 #include "server/dispatch.h"
-#include "server/queue.h"
+#include "server/queue/queue.h"
 #include "server/store.h"
 #include "server/watch.h"
 

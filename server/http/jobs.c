@@ -98,22 +98,20 @@ static bool query_state(bw_request *r, int *state) {
 }
 
 void bw_http_job_list(bw_request *r) {
-    int64_t limit, before;
-    int state;
+    int64_t limit, before, next;
+    bw_filter filter = {.state = -1};
     bw_job *jobs;
     size_t count;
     if (!bw_request_number(r, "limit", 1, PAGE_MOST, PAGE_DEFAULT, &limit) ||
-        !bw_request_number(r, "cursor", 1, INT64_MAX, 0, &before) || !query_state(r, &state))
+        !bw_request_number(r, "cursor", 1, INT64_MAX, 0, &before) || !query_state(r, &filter.state))
         return;
-    if (bw_queue_list(r->services->queue, state, before, (int)limit + 1, &jobs, &count) != BW_OK) {
+    if (bw_queue_list(r->services->queue, &filter, before, (int)limit, &jobs, &count, &next) != BW_OK) {
         bw_reply_storage(r);
         return;
     }
     json_t *list = json_array(), *page = json_pack("{s:o}", "jobs", list);
-    size_t shown = count > (size_t)limit ? (size_t)limit : count;
-    for (size_t i = 0; i < shown; i++) json_array_append_new(list, job_json(r, &jobs[i]));
-    if (shown < count)
-        json_object_set_new(page, "next", json_sprintf("%lld", (long long)jobs[shown - 1].seq));
+    for (size_t i = 0; i < count; i++) json_array_append_new(list, job_json(r, &jobs[i]));
+    if (next) json_object_set_new(page, "next", json_sprintf("%lld", (long long)next));
     bw_jobs_free(jobs, count);
     bw_reply_json(r, 200, page);
 }

@@ -1,0 +1,229 @@
+/* The queue: jobs, their attempts, owners, events and what is in the cache, in one SQLite file.
+ *
+ * Invariants
+ *  1. One writing connection, owned by one thread, in WAL mode at synchronous=FULL; it also makes all checkpoints. Readers
+ *     use connections that are query_only. The thread takes all writes that wait (at most 256) into one transaction, each in
+ *     a savepoint of its own, so that one that fails is undone alone; a write is told of only after the commit is durable.
+ *  2. A job's `attempt` only grows. It is the fencing number: every function that ends an attempt changes something only if
+ *     the job is running, that very attempt is open and the number is still the job's; else *done is false.
+ *  3. tries counts the claims of the present stage. It is raised at the claim, before the worker exists, so a job that
+ *     brings down its worker cannot be claimed for ever. What the daemon's own death ended is given back (recover), at most
+ *     BW_INTERRUPTIONS_MOST times.
+ *  4. Every change of a job's state or stage appends a row to `events` in its transaction.
+ *  5. An owner's counters equal what a count over its rows would give (triggers in schema.c).
+ *
+ * States (the `open` column says whether an attempt is under way)
+ *
+ *     from              to                 function
+ *     -                 queued             bw_queue_insert
+ *     queued, running   running, open      bw_queue_claim
+ *     queued, running   running|successful bw_queue_reuse     stage found in the cache
+ *     running, open     running            bw_queue_advance   stage done, more to come
+ *     running, open     successful         bw_queue_advance   last stage done
+ *     running, open     queued             bw_queue_retry     system failure, tries left
+ *     running, open     failed             bw_queue_fail
+ *     running, open     dismissed          bw_queue_dismiss   its worker has stopped after a cancel
+ *     queued, running   dismissed          bw_queue_cancel    no attempt under way
+ *     running, open     running, open      bw_queue_cancel    cancel noted
+ *     queued, running   the same           bw_queue_finish    finish noted, for this stage and all that follow
+ *     running, open     queued             bw_queue_recover, bw_queue_interrupt   the daemon went away or stops
+ *     running, open     dismissed          bw_queue_recover   ... with a cancel noted; a finish noted stays so through all of these
+ *     failed, dismissed queued             bw_queue_restart   tries, cancel and finish start anew; attempts go on counting
+ *     ended             -                  bw_queue_delete    its id stays in `gone`
+ */
+#ifndef BW_SERVER_QUEUE_H
+#define BW_SERVER_QUEUE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "bw_api.h"
+#include "server/digest.h"
+
+enum { BW_JOB_ID_TEXT = 25, BW_OWNER_TEXT = 65, BW_TAG_BYTES_MOST = 64, BW_TAGS_MOST = 16, BW_PRIORITY_MOST = 100 };
+enum { BW_TRIES_MOST = 3, BW_INTERRUPTIONS_MOST = 50, BW_SCAN_MOST = 1000 };
+
+typedef struct bw_queue bw_queue;
+
+typedef struct {
+    int64_t seq; /* order of acceptance */
+    char id[BW_JOB_ID_TEXT];
+    char input[BW_SHA256_TEXT];
+    char parameters[BW_SHA256_TEXT]; /* "": none */
+    char result_key[BW_SHA256_TEXT]; /* cache key of the result folder; "" until there is one */
+    bw_job_state state;
+    bool open, cancel, finish;
+    int stage, stage_count; /* stages done; stages to do */
+    int attempt, tries;
+    int cut; /* 1 + the first stage whose search was cut by `finish`: from it on, outputs are for this job only. 0: none */
+    int64_t created, started, finished; /* ms; 0: not yet */
+    char *name;                         /* may be NULL */
+    char *options;                      /* canonical JSON */
+    char *failure;                      /* JSON; NULL if it has not failed */
+    char owner[BW_OWNER_TEXT];          /* "": the local one */
+    int priority;                       /* -BW_PRIORITY_MOST..BW_PRIORITY_MOST, larger first, among the owner's jobs */
+    bool pinned;                        /* not to be removed by age */
+    char *tags;                         /* JSON array of words in order; given to submit it may be NULL */
+    int64_t input_bytes, parameters_bytes; /* of the blobs; only for submit */
+} bw_job;
+
+typedef struct {
+    int attempt;
+    char stage[16], outcome[32]; /* outcome "" while under way */
+    bool reused;
+    int64_t started, finished;
+} bw_attempt;
+
+void bw_job_clear(bw_job *job);
+void bw_jobs_free(bw_job *jobs, size_t count);
+void bw_job_id_make(char id[BW_JOB_ID_TEXT]); /* random */
+
+/* Opens or makes the file and starts its thread; migrates an older one, refuses (BW_E_VERSION) one of a newer daemon. */
+bw_status bw_queue_open(const char *path, bw_queue **queue);
+void bw_queue_close(bw_queue *queue);   /* after all that was posted is done */
+bool bw_queue_healthy(bw_queue *queue); /* a read works and the last commit did not fail */
+
+typedef struct {
+    uint64_t writes, commits, waiting; /* so far; so far; now */
+    uint64_t batch_most;               /* most writes in one commit */
+    uint64_t commit_us, wal_bytes;     /* of the last commit */
+} bw_queue_stats;
+void bw_queue_statistics(bw_queue *queue, bw_queue_stats *stats);
+
+/* ---- writing ---- */
+
+/* A write: run inside a transaction of the writer thread; if it does not return BW_OK, all it did is undone. When a whole
+ * batch was undone it is run again, so it takes nothing from `user` but what the caller put there, and sets all results. */
+typedef struct bw_writer bw_writer;
+typedef bw_status (*bw_write_fn)(bw_writer *writer, void *user);
+/* Called in the writer thread when the write is durable, or has failed. Must not wait, nor call bw_queue_write. */
+typedef void (*bw_write_done)(void *user, bw_status status);
+
+/* Returns at once; `done` will be called exactly once if the status is BW_OK, never else. `user` is borrowed until then. */
+bw_status bw_queue_post(bw_queue *queue, bw_write_fn fn, void *user, bw_write_done done);
+/* The same, and waits. */
+bw_status bw_queue_write(bw_queue *queue, bw_write_fn fn, void *user);
+
+/* ---- accepting ---- */
+
+typedef struct {
+    int64_t queued; /* jobs that have not ended */
+    int64_t running;
+    int64_t bytes; /* of the blobs that its jobs name */
+} bw_limits; /* of one owner; 0: none */
+
+typedef enum {
+    BW_SUBMIT_ACCEPTED,
+    BW_SUBMIT_KNOWN,    /* the key was used with this digest: `stored` is the answer given then */
+    BW_SUBMIT_CONFLICT, /* the key was used with another digest */
+    BW_SUBMIT_TOO_MANY, /* queued */
+    BW_SUBMIT_TOO_LARGE /* bytes */
+} bw_submit_result;
+
+/* Jobs of one owner, accepted all or none. Uses of each job: id, name, input, parameters, options, stage_count, created,
+ * owner, priority, tags, input_bytes, parameters_bytes; sets seq. Everything is borrowed. */
+typedef struct {
+    bw_job *jobs;
+    size_t count;                      /* at least 1 */
+    const char *key, *digest, *answer; /* Idempotency-Key (NULL: none), digest of the request, what to keep for next time */
+    bw_limits limits;
+    bw_submit_result result;
+    char *stored; /* owned by the caller */
+} bw_submit;
+bw_status bw_write_submit(bw_writer *writer, void *submit);
+
+/* One job without limits, durable when it returns. */
+bw_status bw_queue_insert(bw_queue *queue, bw_job *job);
+bw_status bw_queue_get(bw_queue *queue, const char *id, bw_job *job, bool *found);
+
+typedef struct {
+    int state;         /* -1: any */
+    const char *owner; /* NULL: all */
+    const char *tag;   /* NULL: any */
+} bw_filter;
+/* Newest first, seq below `before` (0: from the newest), at most `limit`. *next: `before` of the next page, 0 if there is
+ * none. At most BW_SCAN_MOST rows are looked at: a page may have fewer jobs than `limit`, even none, and still a next one. */
+bw_status bw_queue_list(bw_queue *queue, const bw_filter *filter, int64_t before, int limit, bw_job **jobs, size_t *count,
+                        int64_t *next);
+bw_status bw_queue_attempts(bw_queue *queue, const char *id, bw_attempt **attempts, size_t *count);
+bw_status bw_queue_is_gone(bw_queue *queue, const char *id, bool *gone); /* it was deleted */
+
+typedef struct {
+    int64_t waiting, running, finished; /* jobs: no attempt under way; one under way; ended */
+    int64_t bytes;                      /* of the blobs that its jobs name, each once */
+    int64_t served;                     /* its last turn: number of the event of its last claim or reuse; 0: none */
+} bw_owner;
+bw_status bw_queue_owner(bw_queue *queue, const char *owner, bw_owner *counts); /* zeros if it has nothing */
+
+/* ---- whose turn it is ---- */
+
+/* Order: owners by their last turn, oldest first; of one owner's jobs those that have started, then by priority, then by age.
+ * A claim or a reuse is a turn. So: while a worker is free, go on to the next owner, and try its candidates until one
+ * is taken; the owner is met again after all others. */
+typedef struct {
+    int64_t served;
+    char owner[BW_OWNER_TEXT];
+} bw_turn;
+enum { BW_LOOK_MOST = 256 }; /* candidates of one owner to be tried in one turn */
+/* The owner after *turn (at first {.served = -1}) that has waiting jobs and fewer than running_most (0: any number) running. */
+bw_status bw_queue_turn(bw_queue *queue, int64_t running_most, bw_turn *turn, bool *found);
+/* Its jobs that wait and are due at `now`, in order, without the first `skip`. */
+bw_status bw_queue_candidates(bw_queue *queue, const char *owner, int64_t now, int skip, int limit, bw_job **jobs,
+                              size_t *count);
+bw_status bw_queue_next_due(bw_queue *queue, int64_t now, int64_t *due); /* when the next job that pauses is due; 0: none */
+
+/* On success (*done) the fields of `job` are brought up to date. */
+bw_status bw_queue_claim(bw_queue *queue, bw_job *job, int64_t now, bool *done);
+/* `result_key` is the stage's cache key if the job's results are in it, else "". */
+bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *result_key, int64_t now, bool *done);
+
+/* Ends of an attempt. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made; `cut`: its
+ * search was ended by finish, so that this and all later outputs are for this job only. */
+bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const char *key, uint64_t bytes,
+                           const char *manifest, bool cut, int64_t now, bool *done);
+bw_status bw_queue_retry(bw_queue *queue, const char *id, int attempt, const char *outcome, int64_t due, int64_t now,
+                         bool *done);
+bw_status bw_queue_fail(bw_queue *queue, const char *id, int attempt, const char *outcome, const char *failure,
+                        int64_t now, bool *done);
+bw_status bw_queue_dismiss(bw_queue *queue, const char *id, int attempt, int64_t now, bool *done);
+bw_status bw_queue_interrupt(bw_queue *queue, const char *id, int attempt, int64_t now, bool *done);
+
+/* ---- what owners ask for ---- */
+
+typedef enum {
+    BW_CHANGE_DONE,
+    BW_CHANGE_NOTED,    /* cancel, finish: the dispatcher has to act */
+    BW_CHANGE_UNKNOWN,  /* no such job */
+    BW_CHANGE_TOO_LATE, /* it has ended; restart: it was successful */
+    BW_CHANGE_TOO_EARLY, /* restart, delete: it has not ended */
+    BW_CHANGE_TOO_MANY  /* restart: limits.queued */
+} bw_change_result;
+typedef struct {
+    const char *id; /* borrowed */
+    int64_t now;
+    bw_limits limits;
+    bw_change_result result;
+} bw_change;
+/* For bw_queue_post and bw_queue_write with a bw_change. */
+bw_status bw_write_cancel(bw_writer *writer, void *change);
+bw_status bw_write_finish(bw_writer *writer, void *change);
+bw_status bw_write_restart(bw_writer *writer, void *change); /* back into the queue, at the stage it had come to */
+bw_status bw_write_delete(bw_writer *writer, void *change);  /* rows only; files are the store's */
+
+typedef enum { BW_CANCEL_DISMISSED, BW_CANCEL_NOTED, BW_CANCEL_TOO_LATE, BW_CANCEL_UNKNOWN } bw_cancel;
+bw_status bw_queue_cancel(bw_queue *queue, const char *id, int64_t now, bw_cancel *result);
+typedef enum { BW_FINISH_NOTED, BW_FINISH_TOO_LATE, BW_FINISH_UNKNOWN } bw_finish;
+/* Notes, durably and for good, that the job's searches are to settle for the best they have found. */
+bw_status bw_queue_finish(bw_queue *queue, const char *id, bw_finish *result);
+/* To be called once before any claim: ends all attempts that a dead daemon left open. */
+bw_status bw_queue_recover(bw_queue *queue, int64_t now, int *recovered);
+
+/* *manifest (may be NULL as argument): malloc'ed JSON or NULL. */
+bw_status bw_queue_output(bw_queue *queue, const char *key, bool *found, char **manifest);
+bw_status bw_queue_forget_output(bw_queue *queue, const char *key);
+/* Forgets all cache rows for which `present` says no. */
+bw_status bw_queue_sweep_outputs(bw_queue *queue, bool (*present)(void *user, const char *key), void *user,
+                                 int *forgotten);
+
+#endif
