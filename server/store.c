@@ -248,7 +248,8 @@ static const char *media_type(const char *name) {
                                            {".txt", "text/plain; charset=utf-8"}, {".drc", "application/octet-stream"},
                                            {".mesh", "text/plain; charset=utf-8"},
                                            {".vtk", "text/plain; charset=utf-8"}, {".msh", "text/plain; charset=utf-8"},
-                                           {".ovm", "text/plain; charset=utf-8"}, {".inp", "text/plain; charset=utf-8"}}; /* .vtu, .cgns, .bwh are binary */
+                                           {".ovm", "text/plain; charset=utf-8"}, {".inp", "text/plain; charset=utf-8"},
+                                           {".hexex", "text/plain; charset=utf-8"}}; /* .vtu, .cgns, .bwh are binary */
     const char *dot = strrchr(name, '.');
     for (size_t i = 0; dot && i < sizeof types / sizeof *types; i++)
         if (strcmp(dot, types[i][0]) == 0) return types[i][1];

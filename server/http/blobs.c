@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include "server/http/content.h"
 #include "server/http/reply.h"
 #include "server/log.h"
 
@@ -58,5 +59,5 @@ void bw_http_blob_head(bw_request *r) {
     if (!is_hash(r)) return;
     int fd = bw_store_open_blob(r->services->store, r->parameters[0], &bytes);
     if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
-    else bw_reply_file(r, fd, bytes, "application/octet-stream", NULL);
+    else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = "application/octet-stream", .sha256 = r->parameters[0]});
 }

@@ -5,16 +5,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "server/failure.h"
+#include "server/http/content.h"
 
-static void reply(bw_request *r, unsigned status, struct MHD_Response *response, const char *media_type) {
+void bw_reply_made(bw_request *r, unsigned status, struct MHD_Response *response, const char *media_type) {
     if (r->reply || !response) {
         if (response) MHD_destroy_response(response);
         return;
     }
-    MHD_add_response_header(response, "Content-Type", media_type);
+    if (media_type) MHD_add_response_header(response, "Content-Type", media_type);
     MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
     r->reply = response;
     r->reply_status = status;
@@ -24,12 +24,8 @@ static void reply_document(bw_request *r, unsigned status, json_t *body, const c
     static char lost[] = "{\"type\":\"/problems/internal\",\"title\":\"internal error\",\"status\":500}\n";
     char *text = body ? json_dumps(body, JSON_INDENT(1)) : NULL;
     json_decref(body);
-    if (!text) {
-        reply(r, 500, MHD_create_response_from_buffer(sizeof lost - 1, lost, MHD_RESPMEM_PERSISTENT),
-              "application/problem+json");
-        return;
-    }
-    reply(r, status, MHD_create_response_from_buffer(strlen(text), text, MHD_RESPMEM_MUST_FREE), media_type);
+    if (text) bw_reply_content(r, status, &(bw_content){.fd = -1, .data = text, .owned = true, .bytes = strlen(text), .media_type = media_type});
+    else bw_reply_made(r, 500, MHD_create_response_from_buffer(sizeof lost - 1, lost, MHD_RESPMEM_PERSISTENT), "application/problem+json");
 }
 
 void bw_reply_json(bw_request *r, unsigned status, json_t *body) { reply_document(r, status, body, "application/json"); }
@@ -53,22 +49,11 @@ void bw_reply_storage(bw_request *r) {
 }
 
 void bw_reply_text(bw_request *r, const char *media_type, const char *text, size_t size) {
-    reply(r, 200, MHD_create_response_from_buffer(size, (void *)text, MHD_RESPMEM_PERSISTENT), media_type);
-}
-
-void bw_reply_file(bw_request *r, int fd, uint64_t bytes, const char *media_type, const char *etag) {
-    char quoted[BW_PARAMETER_MOST];
-    const char *known = etag ? bw_request_header(r, "If-None-Match") : NULL;
-    snprintf(quoted, sizeof quoted, "\"%s\"", etag ? etag : "");
-    if (known && (strcmp(known, "*") == 0 || strstr(known, quoted))) {
-        close(fd);
-        reply(r, 304, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT), media_type);
-    } else {
-        struct MHD_Response *response = MHD_create_response_from_fd64(bytes, fd);
-        if (!response) close(fd);
-        reply(r, 200, response, media_type);
-    }
-    if (etag) bw_reply_header(r, "ETag", quoted);
+    char hash[BW_SHA256_TEXT];
+    bw_digest *digest = bw_digest_new();
+    bool hashed = digest && bw_digest_add(digest, text, size) && bw_digest_end(digest, hash);
+    bw_digest_free(digest);
+    bw_reply_content(r, 200, &(bw_content){.fd = -1, .data = text, .bytes = size, .media_type = media_type, .sha256 = hashed ? hash : NULL});
 }
 
 void bw_reply_header(bw_request *r, const char *name, const char *value) {

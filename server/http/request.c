@@ -9,7 +9,7 @@
 #include "server/http/reply.h"
 #include "server/http/routes.h"
 
-enum { DRAIN_MOST = 16 << 20, RATE_FREE_MS = 30000, RATE_LEAST = 4096 /* bytes per second */ };
+enum { DRAIN_MOST = 16 << 20, RATE_FREE_MS = 30000, RATE_LEAST = 4096 /* bytes per second */, ROOM_CHECK = 16 << 20 };
 
 const char *bw_request_header(const bw_request *r, const char *name) {
     return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
@@ -58,7 +58,7 @@ int bw_request_wait_preferred(const bw_request *r) {
 /* ---- before the body ---- */
 
 typedef struct {
-    int lengths, encodings;
+    int lengths, encodings, codings;
 } framing;
 
 static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
@@ -66,20 +66,11 @@ static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const 
     (void)kind, (void)value;
     f->lengths += strcasecmp(key, "Content-Length") == 0;
     f->encodings += strcasecmp(key, "Transfer-Encoding") == 0;
+    f->codings += strcasecmp(key, "Content-Encoding") == 0;
     return MHD_YES;
 }
 
-/* Where two readers could see two different bodies, nobody reads any. */
-static void check_framing(bw_request *r) {
-    framing f = {0, 0};
-    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, count_framing, &f);
-    if (f.lengths + f.encodings > 1) {
-        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "the request says more than once where its body ends");
-        bw_reply_header(r, "Connection", "close");
-        return;
-    }
-    const char *length = bw_request_header(r, "Content-Length");
-    if (!length) return;
+static void read_length(bw_request *r, const char *length) {
     char *end;
     errno = 0;
     r->length = strtoull(length, &end, 10);
@@ -88,7 +79,32 @@ static void check_framing(bw_request *r) {
         bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Content-Length is not a number");
 }
 
+static void check_coding(bw_request *r, int codings) {
+    bw_coding coding;
+    if (codings > 1 || !bw_coding_find(bw_request_header(r, "Content-Encoding"), &coding)) {
+        bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_CODING, "a body may be coded as gzip or as zstd, once");
+        bw_reply_header(r, "Accept-Encoding", "gzip, zstd");
+    } else if (coding && !(r->unpacker = bw_unpacker_new(coding))) {
+        bw_reply_json(r, 500, NULL);
+    }
+}
+
+/* Where two readers could see two different bodies, nobody reads any. */
+static void check_framing(bw_request *r) {
+    framing f = {0, 0, 0};
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, count_framing, &f);
+    if (f.lengths + f.encodings > 1) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "the request says more than once where its body ends");
+        bw_reply_header(r, "Connection", "close");
+        return;
+    }
+    const char *length = bw_request_header(r, "Content-Length");
+    if (length) read_length(r, length);
+    if (f.codings) check_coding(r, f.codings);
+}
+
 static void begin(bw_request *r, const char *method, const char *version, const char *path) {
+    r->head = strcmp(method, "HEAD") == 0;
     check_framing(r);
     if (!bw_request_header(r, "Host") && strcmp(version, "HTTP/1.0") != 0)
         bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "a request says with Host whom it is for");
@@ -100,10 +116,11 @@ static void begin(bw_request *r, const char *method, const char *version, const 
 
 /* ---- the body ---- */
 
+/* These two get the content of the body, piece by piece. False: no more of it; out of memory without a reply. */
 static bool collect(bw_request *r, const char *data, size_t size) {
     if (r->body_size + size > BW_BODY_MOST) {
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
-        return true;
+        return false;
     }
     if (r->body_size + size + 1 > r->body_room) {
         size_t room = r->body_size + size + 1 < 4096 ? 4096 : 2 * (r->body_size + size + 1);
@@ -118,17 +135,44 @@ static bool collect(bw_request *r, const char *data, size_t size) {
     return true;
 }
 
+static bool store(bw_request *r, const char *data, size_t size) {
+    uint64_t before = bw_upload_bytes(r->upload), most = r->services->config->max_upload;
+    if (size > most - before) {
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
+        return false;
+    }
+    bool check = before / ROOM_CHECK != (before + size) / ROOM_CHECK;
+    if (check && bw_store_room(r->services->store) < BW_ROOM_KEPT) {
+        bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
+        return false;
+    }
+    if (bw_upload_write(r->upload, data, size) == BW_OK) return true;
+    bw_reply_problem(r, errno == ENOSPC ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the upload could not be written");
+    return false;
+}
+
+static bool deliver(void *user, const char *data, size_t size) {
+    bw_request *r = user;
+    return r->upload ? store(r, data, size) : collect(r, data, size);
+}
+
 /* Takes a piece of the body. False: hang up. */
 static bool take_body(bw_request *r, const char *data, size_t size) {
     int64_t ms = bw_mono_ms() - r->started;
     r->received += size;
     if (ms > RATE_FREE_MS && (int64_t)r->received < ms / 1000 * RATE_LEAST) return false;
     if (r->reply) return r->received <= DRAIN_MOST || r->has_length;
-    if (!r->upload) return collect(r, data, size);
-    bw_status status = bw_upload_write(r->upload, data, size);
-    if (status == BW_OK) return true;
-    bw_reply_problem(r, errno == ENOSPC ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the upload could not be written");
-    return true;
+    if (!r->unpacker) return deliver(r, data, size) || r->reply;
+    bw_status status = bw_unpack(r->unpacker, data, size, deliver, r);
+    if (status == BW_E_SYNTAX) bw_reply_problem(r, BW_PROBLEM_BAD_CODING, "the body is not what its Content-Encoding says");
+    return status == BW_OK || r->reply;
+}
+
+/* The whole body has come. */
+static void handle(bw_request *r) {
+    if (r->unpacker && r->received && !bw_unpacker_complete(r->unpacker))
+        bw_reply_problem(r, BW_PROBLEM_BAD_CODING, "the coded body ends too early");
+    else bw_routes[r->op].handle(r);
 }
 
 /* ---- the course ---- */
@@ -162,7 +206,7 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
         return good ? MHD_YES : MHD_NO;
     }
     r->held = false;
-    if (!r->reply) (r->resume ? r->resume : bw_routes[r->op].handle)(r);
+    if (!r->reply) (r->resume ? r->resume : handle)(r);
     return r->held ? MHD_YES : bw_reply_send(r);
 }
 
@@ -172,6 +216,7 @@ void bw_request_on_end(void *user, struct MHD_Connection *connection, void **sta
     (void)connection, (void)code;
     if (!r) return;
     bw_upload_abort(r->upload);
+    bw_unpacker_free(r->unpacker);
     if (r->reply) MHD_destroy_response(r->reply);
     if (r->state_free) r->state_free(r->state);
     free(r->body);

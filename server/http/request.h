@@ -1,7 +1,7 @@
 /* A request on its way through the daemon.
  *
  *     begin   headers are there, no byte of the body: routing, framing rules, size; uploads are opened
- *     body    collected (JSON, at most BW_BODY_MOST) or streamed into the upload
+ *     body    unpacked if it is coded, then collected (JSON, at most BW_BODY_MOST) or streamed into the upload
  *     handle  body complete: the operation's function makes the reply, or suspends the request
  *     resume  after bw_request_resume(): r->resume, or else handle again
  * A reply made in an earlier step ends the request: at once if the client waits for "100 Continue" or the body is large, else
@@ -20,6 +20,7 @@
 #include <stdbool.h>
 
 #include "bw_api.h"
+#include "server/http/coding.h"
 #include "server/http/http.h"
 
 enum {
@@ -43,9 +44,11 @@ typedef struct bw_request {
     struct MHD_Connection *connection;
     bw_op op;
     char parameters[2][BW_PARAMETER_MOST]; /* the variable segments of the path, in order */
+    bool head;                             /* HEAD: the same as GET, without the content */
     bool has_length;
     uint64_t length;                       /* Content-Length */
-    uint64_t received;
+    uint64_t received;                     /* of the body, as it came */
+    bw_unpacker *unpacker;                 /* NULL: the body is not coded */
     int64_t started;
     char *body; /* NUL-terminated; NULL until the first byte */
     size_t body_size, body_room;

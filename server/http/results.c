@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "server/http/content.h"
 #include "server/http/reply.h"
 
 void bw_http_job_log(bw_request *r) {
@@ -11,7 +12,7 @@ void bw_http_job_log(bw_request *r) {
     bw_job job;
     if (!bw_http_load_job(r, &job)) return;
     int fd = bw_store_open_log(r->services->store, job.id, &bytes);
-    if (fd >= 0) bw_reply_file(r, fd, bytes, text_plain, NULL);
+    if (fd >= 0) bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = text_plain});
     else bw_reply_text(r, text_plain, "", 0);
     bw_job_clear(&job);
 }
@@ -58,8 +59,9 @@ static void send_result(bw_request *r, const char *name) {
     if (hit) {
         int fd = bw_store_open_cached(r->services->store, job.result_key, name, &bytes);
         if (fd < 0) bw_reply_storage(r);
-        else bw_reply_file(r, fd, bytes, json_string_value(json_object_get(hit, "media_type")),
-                           json_string_value(json_object_get(hit, "sha256")));
+        else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .modified = job.finished,
+                                                    .media_type = json_string_value(json_object_get(hit, "media_type")),
+                                                    .sha256 = json_string_value(json_object_get(hit, "sha256"))});
     }
     json_decref(manifest);
     bw_job_clear(&job);

@@ -108,7 +108,22 @@ static size_t take_header(char *data, size_t one, size_t size, void *user) {
         if (size > n && strncasecmp(data, wanted[i].name, n) == 0)
             snprintf(wanted[i].to, 80, "%.*s", (int)(strcspn(data + n, "\r\n")), data + n);
     }
+    size_t n = strlen(r->headers);
+    if (strncmp(data, "HTTP/", 5) == 0) n = 0;
+    if (n + size < sizeof r->headers) snprintf(r->headers + n, sizeof r->headers - n, "%.*s", (int)size, data);
     return one * size;
+}
+
+const char *kit_header(const kit_reply *r, const char *name) {
+    static char value[400];
+    size_t n = strlen(name);
+    *value = '\0';
+    for (const char *at = r->headers; (at = strstr(at, "\r\n")) && at[2]; at += 2)
+        if (strncasecmp(at + 2, name, n) == 0 && at[2 + n] == ':') {
+            const char *from = at + 3 + n + strspn(at + 3 + n, " ");
+            snprintf(value, sizeof value, "%.*s", (int)strcspn(from, "\r"), from);
+        }
+    return value;
 }
 
 typedef struct {

@@ -32,6 +32,7 @@ void kit_remove(kit_daemon *daemon);           /* stops it if it runs, deletes t
 typedef struct {
     long status;
     char type[80], etag[80], location[80], allow[80], policy[80], applied[80]; /* as much of them as fits */
+    char headers[3000]; /* all of the last answer; see kit_header */
     char *body; /* NUL-terminated */
     size_t size;
 } kit_reply;
@@ -43,6 +44,8 @@ bool kit_try(const kit_daemon *daemon, const char *method, const char *path, con
 kit_reply kit_request(const kit_daemon *daemon, const char *method, const char *path, const char *headers,
                       const void *body, size_t size);
 kit_reply kit_get(const kit_daemon *daemon, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* The value of a header, "" if it is not there; until the next call. */
+const char *kit_header(const kit_reply *reply, const char *name);
 void kit_free(kit_reply *reply);
 json_t *kit_json(kit_reply *reply); /* parses and frees the reply */
 
