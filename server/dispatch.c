@@ -24,6 +24,7 @@
 
 enum { LOG_MOST = 4 << 20, TERM_GRACE_MS = 3000, RETRY_PAUSE_MS = 100, PAGE = 8 };
 
+_Static_assert(RETRY_PAUSE_MS << BW_TRIES_MOST <= (int)BW_PAUSE_MOST_MS, "a clock that goes back is told from a long pause");
 _Static_assert((int)BW_NOTE_TEXT > (int)BW_FRAME_NOTE_MOST, "a note has to fit");
 
 typedef enum { KEEP, STOP_CANCELLED, STOP_TIME, STOP_PROTOCOL, STOP_DAEMON } stop_reason;
@@ -343,6 +344,15 @@ static void tell_end(bw_dispatch *d, const slot *s, const char *outcome, bool bo
     if (booked) bw_watch_notify(d->watch, s->job.id);
 }
 
+/* Books the end of a cancelled attempt. The caller frees the slot. */
+static bw_status dismiss(bw_dispatch *d, slot *s) {
+    bool done;
+    bw_status status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
+    log_text(s, "cancelled");
+    tell_end(d, s, "cancelled", done);
+    return status;
+}
+
 /* Books a failure: retried if it is the system's and there are tries left. Frees the slot. */
 static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char *detail, const json_t *error) {
     const char *code = bw_problem_types[problem].code;
@@ -362,7 +372,8 @@ static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char
         free(failure);
         if (done) bw_event(BW_WARN, "job.failed", "job=%s problem=%s", s->job.id, code);
     }
-    tell_end(d, s, code, done);
+    if (status == BW_OK && !done) status = dismiss(d, s); /* cancelled since it was judged, or not the job's attempt any more */
+    else tell_end(d, s, code, done);
     release(d, s);
     return status;
 }
@@ -395,7 +406,8 @@ static bw_status succeed(bw_dispatch *d, slot *s) {
     json_decref(manifest);
     status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, s->key, bytes, text, cut, bw_now_ms(), &done);
     free(text);
-    tell_end(d, s, "ok", done);
+    if (status == BW_OK && !done) status = dismiss(d, s); /* as above */
+    else tell_end(d, s, "ok", done);
     if (done && last) bw_event(BW_INFO, "job.successful", "job=%s", s->job.id);
     release(d, s);
     return status;
@@ -429,9 +441,7 @@ static bw_status judge(bw_dispatch *d, slot *s, int wait_status) {
     if (found) bw_job_clear(&now);
     if (status != BW_OK) return status;
     if (cancelled) {
-        status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
-        log_text(s, "cancelled");
-        tell_end(d, s, "cancelled", done);
+        status = dismiss(d, s);
     } else if (s->reason == STOP_DAEMON) {
         status = bw_queue_interrupt(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
         tell_end(d, s, "interrupted", done);

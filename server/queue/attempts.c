@@ -16,6 +16,7 @@ typedef struct {
 } ending;
 
 #define FENCE " WHERE id = ? AND attempt = ? AND open = 1 AND state = 1"
+#define NOT_CANCELLED " AND cancel = 0" /* whoever cancelled in time was told that the job would be dismissed */
 
 static bw_status close_attempt(bw_writer *w, const ending *e, const char *kind) {
     bw_status status = bw_sql_run(&w->sql, NULL, "UPDATE attempts SET finished = ?, outcome = ? WHERE job = ? AND attempt = ?"
@@ -36,7 +37,7 @@ static bw_status advance(bw_writer *w, void *user) {
         bw_sql_run(&w->sql, &e->changes, "UPDATE jobs SET open = 0, tries = 0, interruptions = 0, due = 0, stage = stage + 1,"
                    " state = CASE WHEN stage + 1 >= stage_count THEN 2 ELSE 1 END,"
                    " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?,"
-                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE, "isisi", e->now,
+                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE NOT_CANCELLED, "isisi", e->now,
                    e->manifest ? e->key : "", (int64_t)e->cut, e->id, (int64_t)e->attempt);
     if (status != BW_OK || !e->changes) return status;
     status = bw_sql_number(&w->sql, &state, 0, "SELECT state FROM jobs WHERE id = ?", "s", e->id);
@@ -66,7 +67,7 @@ bw_status bw_queue_retry(bw_queue *q, const char *id, int attempt, const char *o
 
 static bw_status fail(bw_writer *w, void *user) {
     ending *e = user;
-    bw_status status = bw_sql_run(&w->sql, &e->changes, "UPDATE jobs SET open = 0, state = 3, finished = ?, failure = ?" FENCE, "issi",
+    bw_status status = bw_sql_run(&w->sql, &e->changes, "UPDATE jobs SET open = 0, state = 3, finished = ?, failure = ?" FENCE NOT_CANCELLED, "issi",
                                   e->now, e->failure, e->id, (int64_t)e->attempt);
     return status == BW_OK && e->changes ? close_attempt(w, e, "failed") : status;
 }

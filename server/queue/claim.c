@@ -30,8 +30,9 @@ bw_status bw_queue_candidates(bw_queue *q, const char *owner, int64_t now, int s
     if (!list) return BW_E_MEMORY;
     bw_sql *reader = bw_reader_borrow(q);
     sqlite3_stmt *stmt = reader ? bw_sql_query(reader, "SELECT" BW_JOB_COLUMNS "FROM jobs INDEXED BY jobs_waiting WHERE owner = ?"
-                                               " AND open = 0 AND state < 2 AND due <= ? ORDER BY state DESC, priority DESC, seq"
-                                               " LIMIT ? OFFSET ?", "siii", owner, now, (int64_t)limit, (int64_t)skip) : NULL;
+                                               " AND open = 0 AND state < 2 AND (due <= ? OR due > ?) ORDER BY state DESC, priority DESC, seq"
+                                               " LIMIT ? OFFSET ?", "siiii", owner, now, now + BW_PAUSE_MOST_MS, (int64_t)limit,
+                                               (int64_t)skip) : NULL;
     while (stmt && n < (size_t)limit && (step = sqlite3_step(stmt)) == SQLITE_ROW) bw_job_read(stmt, &list[n++]);
     bw_status status = step == SQLITE_DONE || step == SQLITE_ROW ? BW_OK : BW_E_IO;
     if (stmt && status != BW_OK) bw_sql_error(reader, "candidates");

@@ -42,7 +42,7 @@
 #include "server/digest.h"
 
 enum { BW_JOB_ID_TEXT = 25, BW_OWNER_TEXT = 65, BW_TAG_BYTES_MOST = 64, BW_TAGS_MOST = 16, BW_PRIORITY_MOST = 100 };
-enum { BW_TRIES_MOST = 3, BW_INTERRUPTIONS_MOST = 50, BW_SCAN_MOST = 1000 };
+enum { BW_TRIES_MOST = 3, BW_INTERRUPTIONS_MOST = 50, BW_SCAN_MOST = 1000, BW_PAUSE_MOST_MS = 10000 };
 
 typedef struct bw_queue bw_queue;
 
@@ -168,7 +168,8 @@ typedef struct {
 enum { BW_LOOK_MOST = 256 }; /* candidates of one owner to be tried in one turn */
 /* The owner after *turn (at first {.served = -1}) that has waiting jobs and fewer than running_most (0: any number) running. */
 bw_status bw_queue_turn(bw_queue *queue, int64_t running_most, bw_turn *turn, bool *found);
-/* Its jobs that wait and are due at `now`, in order, without the first `skip`. */
+/* Its jobs that wait and are due at `now`, in order, without the first `skip`. A due further ahead than any pause is of a clock that
+ * has been set back since: that job is due too. */
 bw_status bw_queue_candidates(bw_queue *queue, const char *owner, int64_t now, int skip, int limit, bw_job **jobs,
                               size_t *count);
 bw_status bw_queue_next_due(bw_queue *queue, int64_t now, int64_t *due); /* when the next job that pauses is due; 0: none */
@@ -178,7 +179,8 @@ bw_status bw_queue_claim(bw_queue *queue, bw_job *job, int64_t now, bool *done);
 /* `result_key` is the stage's cache key if the job's results are in it, else "". */
 bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *result_key, int64_t now, bool *done);
 
-/* Ends of an attempt. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made; `cut`: its
+/* Ends of an attempt. A cancel that was noted wins: advance and fail change nothing then (*done is false), the attempt is to be
+ * dismissed. A retry's `due` is at most BW_PAUSE_MOST_MS ahead. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made; `cut`: its
  * search was ended by finish, so that this and all later outputs are for this job only. */
 bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const char *key, uint64_t bytes,
                            const char *manifest, bool cut, int64_t now, bool *done);

@@ -240,6 +240,40 @@ static void cancelling_is_idempotent_in_every_state(void **state) {
     bw_job_clear(&job);
 }
 
+static void a_cancel_that_was_noted_wins_over_the_end_of_the_attempt(void **state) {
+    (void)state;
+    bw_job job;
+    bw_cancel result;
+    bool done;
+    for (int end = 0; end < 2; end++) {
+        insert(&job, 1);
+        claim(&job);
+        bw_queue_cancel(q, job.id, 2500, &result);
+        assert_int_equal(result, BW_CANCEL_NOTED);
+        if (end == 0) assert_int_equal(bw_queue_advance(q, job.id, 1, hash, 1, "[]", false, 3000, &done), BW_OK);
+        else assert_int_equal(bw_queue_fail(q, job.id, 1, "syntax", "{}", 3000, &done), BW_OK);
+        assert_false(done);
+        expect(job.id, BW_JOB_RUNNING, true, 0);
+        assert_int_equal(bw_queue_dismiss(q, job.id, 1, 3001, &done), BW_OK);
+        assert_true(done);
+        expect(job.id, BW_JOB_DISMISSED, false, 0);
+        bw_job_clear(&job);
+    }
+}
+
+static void a_retry_comes_also_when_the_clock_was_set_back(void **state) {
+    (void)state;
+    const int64_t day = 86400000;
+    bw_job job;
+    bool done;
+    insert(&job, 4);
+    claim(&job);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", day + 1000, day, &done), BW_OK);
+    assert_int_equal(waiting(day), 0);
+    assert_int_equal(waiting(5000), 1);
+    bw_job_clear(&job);
+}
+
 static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
     (void)state;
     bw_job job, now;
@@ -401,6 +435,8 @@ int main(void) {
                                         close_queue),
         cmocka_unit_test_setup_teardown(a_daemon_that_dies_of_a_job_again_and_again_gives_it_up, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cancelling_is_idempotent_in_every_state, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_cancel_that_was_noted_wins_over_the_end_of_the_attempt, open_queue, close_queue),
+        cmocka_unit_test_setup_teardown(a_retry_comes_also_when_the_clock_was_set_back, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(a_finish_is_noted_for_good_and_stops_nothing, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(a_cancel_ends_a_job_that_was_asked_to_finish, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cache_rows_without_files_are_forgotten, open_queue, close_queue),

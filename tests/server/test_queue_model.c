@@ -89,7 +89,7 @@ static void do_claim(model *m, bool reuse) {
 
 static void do_end(model *m) {
     int attempt = m->attempt - (pick(4) == 0), kind = (int)pick(5);
-    bool done, right = m->there && m->open && attempt == m->attempt;
+    bool done, right = m->there && m->open && attempt == m->attempt && !(m->cancel && (kind == 0 || kind == 2)); /* a cancel wins */
     char key[BW_SHA256_TEXT];
     snprintf(key, sizeof key, "%064x", pick(1000));
     int64_t due = 10 + pick(10);
