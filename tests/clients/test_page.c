@@ -1,4 +1,4 @@
-/* The page for browsers: what it finds in a mesh is what the core finds, and a real browser shows the mesh of a job. */
+/* The page for browsers: what it finds in a mesh is what the core finds, and a real browser shows jobs, their reports and their meshes. */
 #include "clients/daemon.h"
 #include "core/hex_kit.h"
 
@@ -36,11 +36,13 @@ static char *check_line(bw_context *ctx, const bw_hex_mesh *mesh, size_t quads, 
     }
     assert_float_equal(strtod(line, &line), q.scaled_jacobian.min, 0);
     for (int i = 0; i < BW_HEX_BINS; i++) assert_int_equal(strtoull(line, &line, 10), q.histogram[i]);
+    for (int i = 0; i < BW_HEX_VALENCES; i++) assert_int_equal(strtoull(line, &line, 10), i == 4 ? 0 : q.inner[i]); /* the page looks for irregular ones */
+    for (int i = 0; i < BW_HEX_VALENCES; i++) assert_int_equal(strtoull(line, &line, 10), i == 2 ? 0 : q.boundary[i]);
     assert_int_equal(*line, '\n');
     return line + 1;
 }
 
-static void skin_layers_and_quality_are_those_of_the_core(void **state) {
+static void skin_layers_quality_and_irregular_edges_are_those_of_the_core(void **state) {
     (void)state;
     const char *argv[HEX_KIT_COUNT + 3] = {"node", BW_SOURCE_DIR "/tests/clients/page/skin_test.mjs"};
     bw_context ctx;
@@ -65,20 +67,37 @@ static void skin_layers_and_quality_are_those_of_the_core(void **state) {
     assert_int_equal(ctx.memory.used, 0);
 }
 
-/* A job of 3 x 3 x 3 hexes; its id. */
-static char *make_job(void) {
-    const char *part = kit_temp_path("cube.hexex"), *program = kit_program("blockwright");
-    kit_result r = kit_run((const char *const[]){program, "sample", "cuboid", "--size", "3", "-o", part, NULL});
-    assert_int_equal(r.exit, 0);
+/* Runs the program, which has to end with `exit`, and gives the first word that it prints. */
+static char *run(int exit, const char *const argv[]) {
+    kit_result r = kit_run(argv);
+    if (r.exit != exit) fail_msg("%s: exit %d: %s", argv[1], r.exit, r.err);
+    char *word = strndup(r.out, strcspn(r.out, " \n"));
     kit_result_clear(&r);
-    r = kit_run((const char *const[]){program, "submit", part, "--server", here.url, "--quantize", "positive", "--coarsest", "--subdivide", "3", "--wait", "--quiet", NULL});
-    if (r.exit) fail_msg("submit: exit %d: %s", r.exit, r.err);
-    char *id = strndup(r.out, strcspn(r.out, " \n"));
-    kit_result_clear(&r);
-    return id;
+    return word;
 }
 
-static void a_browser_shows_the_mesh_of_a_job(void **state) {
+typedef struct {
+    char *cube, *search[2], *refused; /* ids */
+} page_jobs;
+
+/* A job of 3 x 3 x 3 hexes; two of hexahedra whose search has no end; one of tets that is to be of hexes. */
+static void make_jobs(page_jobs *jobs) {
+    const char *program = kit_program("blockwright"), *cube = kit_temp_path("cube.hexex"), *part = kit_temp_path("bearing.hexex"), *hexes = kit_temp_path("hexes");
+    free(run(0, (const char *const[]){program, "sample", "cuboid", "--size", "3", "-o", cube, NULL}));
+    free(run(0, (const char *const[]){program, "sample", "bearing", "--size", "1", "-o", part, NULL}));
+    free(run(0, (const char *const[]){program, "run", part, "--out", hexes, "--quantize", "positive", "--coarsest", "--route", "guaranteed", "--quiet", NULL}));
+    jobs->cube = run(0, (const char *const[]){program, "submit", cube, "--server", here.url, "--quantize", "positive", "--coarsest", "--subdivide", "3", "--wait", "--quiet", NULL});
+    jobs->refused = run(3, (const char *const[]){program, "submit", part, "--server", here.url, "--kind", "hex", "--wait", "--quiet", NULL});
+    for (int i = 0; i < 2; i++)
+        jobs->search[i] = run(0, (const char *const[]){program, "submit", kit_temp_path("hexes/hexmesh.mesh"), "--server", here.url, "--kind", "hex", "--explore", "anneal", "--explore-work",
+                                                       "1000000000", "--explore-time", "3600", "--seed", i ? "2" : "1", "--quiet", NULL});
+}
+
+static void clear_jobs(page_jobs *jobs) {
+    free(jobs->cube), free(jobs->search[0]), free(jobs->search[1]), free(jobs->refused);
+}
+
+static void a_browser_shows_jobs_their_reports_and_meshes(void **state) {
     (void)state;
     bw_context ctx;
     bw_hex_mesh mesh;
@@ -93,12 +112,15 @@ static void a_browser_shows_the_mesh_of_a_job(void **state) {
     char *bytes = kit_read_file(large, &size);
     kit_write_file(damaged, bytes, size / 2);
     free(bytes);
-    char *id = make_job();
-    kit_result r = kit_run((const char *const[]){"node", BW_SOURCE_DIR "/tests/clients/page/page_test.mjs", "chromium", folder, here.url, id, damaged, large, NULL});
+    page_jobs jobs;
+    make_jobs(&jobs);
+    kit_result r = kit_run((const char *const[]){"node", BW_SOURCE_DIR "/tests/clients/page/page_test.mjs", "chromium", folder, here.url, damaged, large, jobs.cube, jobs.search[0],
+                                                 jobs.search[1], jobs.refused, NULL});
     printf("%s", r.out);
     if (r.exit) fail_msg("the page: exit %d: %s", r.exit, r.err);
     kit_result_clear(&r);
-    free(id), free(folder), free(large), free(damaged);
+    clear_jobs(&jobs);
+    free(folder), free(large), free(damaged);
 }
 
 static int start(void **state) {
@@ -113,7 +135,7 @@ static int stop(void **state) {
 }
 
 static const struct CMUnitTest tests[] = {
-    cmocka_unit_test(skin_layers_and_quality_are_those_of_the_core),
-    cmocka_unit_test_setup_teardown(a_browser_shows_the_mesh_of_a_job, start, stop),
+    cmocka_unit_test(skin_layers_quality_and_irregular_edges_are_those_of_the_core),
+    cmocka_unit_test_setup_teardown(a_browser_shows_jobs_their_reports_and_meshes, start, stop),
 };
 KIT_MAIN(tests)

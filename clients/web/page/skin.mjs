@@ -117,24 +117,41 @@ export function chooseHexes(mesh, quality, box, { by, at, below }) {
   return shown;
 }
 
-/** The faces (6 * hex + face) between what is shown and what is not, at most `most` of them. */
-export function skinOf(mate, shown, most) {
+/** The faces (6 * hex + face) between what is shown and what is not, at most `most` of them; with `block`, of every hex, also those between blocks, for these to be pulled apart. */
+export function skinOf(mate, shown, most, block = null) {
   let count = 0;
-  const seen = x => shown[Math.floor(x / 6)] && !(mate[x] >= 0 && shown[Math.floor(mate[x] / 6)]);
+  const hidden = (x, y) => !shown[y] || (block && block[x] !== block[y]);
+  const seen = x => shown[Math.floor(x / 6)] && (mate[x] < 0 || hidden(Math.floor(x / 6), Math.floor(mate[x] / 6)));
   for (let x = 0; x < mate.length; x++) count += seen(x) ? 1 : 0;
   const skin = new Uint32Array(Math.min(count, most));
   for (let x = 0, n = 0; x < mate.length && n < skin.length; x++) if (seen(x)) skin[n++] = x;
   return { skin, count };
 }
 
+/** What moves and scales a box into -1..1: {middle, size}. */
+export function frameOf({ low, high }) {
+  return { middle: low.map((x, k) => (x + high[k]) / 2), size: Math.max(...low.map((x, k) => (high[k] - x) / 2)) || 1 };
+}
+
 /** Four corners of each face, three numbers each, moved and scaled into -1..1. */
 export function cornersOf({ hexes, positions }, box, skin) {
-  const out = new Float32Array(12 * skin.length), middle = box.low.map((x, k) => (x + box.high[k]) / 2);
-  const size = Math.max(...box.low.map((x, k) => (box.high[k] - x) / 2)) || 1;
+  const out = new Float32Array(12 * skin.length), { middle, size } = frameOf(box);
   for (let i = 0; i < skin.length; i++) {
     const c = faceCorner[skin[i] % 6], h = 8 * Math.floor(skin[i] / 6);
     for (let j = 0; j < 4; j++)
       for (let k = 0; k < 3; k++) out[12 * i + 3 * j + k] = (positions[3 * hexes[h + c[j]] + k] - middle[k]) / size;
   }
   return out;
+}
+
+/** Which way each block goes when blocks are pulled apart: block -> [x, y, z], its middle in -1..1, the mean of its hexes' corners. Hexes of no block stay. */
+export function directionsOf({ hexes, hexCount, positions, block }, box) {
+  const sums = new Map(), { middle, size } = frameOf(box);
+  for (let h = 0; h < hexCount; h++) {
+    let s = sums.get(block[h]);
+    if (!s) sums.set(block[h], s = [0, 0, 0, 0]);
+    s[3] += 8;
+    for (let c = 0; c < 8; c++) for (let k = 0; k < 3; k++) s[k] += positions[3 * hexes[8 * h + c] + k];
+  }
+  return new Map([...sums].map(([b, s]) => [b, b < 0 ? [0, 0, 0] : middle.map((m, k) => (s[k] / s[3] - m) / size)]));
 }

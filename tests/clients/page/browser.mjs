@@ -15,7 +15,7 @@ export class Browser {
     b.process.on('exit', () => b.waiting.forEach(({ reject }) => reject(new Error('the browser ended'))));
     const { targetInfos } = await b.send('Target.getTargets');
     ({ sessionId: b.session } = await b.send('Target.attachToTarget', { targetId: targetInfos.find(t => t.type === 'page').targetId, flatten: true }));
-    for (const domain of ['Page', 'Runtime', 'Log', 'DOM']) await b.send(`${domain}.enable`);
+    for (const domain of ['Page', 'Runtime', 'Log', 'DOM', 'Network']) await b.send(`${domain}.enable`);
     await b.send('Page.navigate', { url });
     await b.until('location.protocol !== "about:" && document.readyState === "complete"');
     return b;

@@ -1,8 +1,9 @@
-// The page in a real browser: node page_test.mjs CHROMIUM FOLDER URL JOB DAMAGED.bwh LARGE.bwh. Prints what it saw; exit 1 at the first thing that is not as it should be.
+// The page in a real browser: node page_test.mjs CHROMIUM FOLDER URL DAMAGED.bwh LARGE.bwh JOB SEARCH SEARCH REFUSED. JOB is one of 27 hexes, SEARCH are two of hexahedra that search
+// until somebody stops them, REFUSED is one of tets that was to be of hexes. Prints what it saw; exit 1 at the first thing that is not as it should be.
 import assert from 'node:assert/strict';
 import { Browser } from './browser.mjs';
 
-const [program, folder, url, job, damaged, large] = process.argv.slice(2);
+const [program, folder, url, damaged, large, job, search, search2, refused] = process.argv.slice(2);
 const settled = `document.body.dataset.state !== 'working'`, state = `document.body.dataset.state`, status = `document.getElementById('status').textContent`;
 const browser = await Browser.open(program, `${folder}/profile`, url);
 
@@ -10,6 +11,19 @@ const set = (id, value) => browser.evaluate(`(${id}.value = ${JSON.stringify(val
 const faces = async () => Number(/([\d\u202f]+) faces/.exec(await browser.evaluate(status))[1].replaceAll('\u202f', ''));
 const hexes = async () => Number(/^([\d\u202f]+) of/.exec(await browser.evaluate(status))[1].replaceAll('\u202f', ''));
 const until = expression => browser.until(expression);
+const text = id => browser.evaluate(`document.getElementById('${id}').innerText`);
+const seen = id => browser.evaluate(`document.getElementById('${id}').checkVisibility()`);
+const go = hash => browser.evaluate(`(location.hash = '#${hash}', 0)`);
+const ask = path => browser.evaluate(`fetch('v1/jobs/${path}').then(answer => answer.json())`);
+const offline = on => browser.send('Network.emulateNetworkConditions', { offline: on, latency: 0, downloadThroughput: -1, uploadThroughput: -1 });
+
+// A section of the report as it is read: {row or line: text}.
+const section = title => browser.evaluate(`(() => {
+  const part = [...document.querySelectorAll('#report section')].find(s => s.querySelector('h3').textContent === '${title}'), found = {};
+  for (const dt of part?.querySelectorAll('dt') || []) found[dt.textContent] = dt.nextElementSibling.textContent;
+  for (const line of part?.querySelectorAll('tbody tr') || []) found[line.cells[0].textContent] = [...line.cells].slice(1).map(cell => cell.textContent).join(' ');
+  return part ? found : null;
+})()`);
 
 // The picture that the button saves, as numbers of pixels: {white, colours}.
 const saved = () => browser.evaluate(`new Promise(resolve => {
@@ -31,15 +45,19 @@ const saved = () => browser.evaluate(`new Promise(resolve => {
 })`);
 
 const tests = {
-  async 'the page lists the job, and its link shows the mesh'() {
-    await until(`document.querySelector('#list a')`);
-    assert.equal(await browser.evaluate(`document.querySelector('#list a').getAttribute('href')`), `#${job}`);
+  async 'the page lists all jobs with their states, and the link of one shows its mesh'() {
+    const link = `document.querySelector('#list a[href="#${job}"]')`, line = id => browser.evaluate(`document.querySelector('#list a[href="#${id}"]').parentElement.innerText`);
+    await until(link);
     assert.equal(await browser.evaluate(state), 'empty');
-    await browser.evaluate(`document.querySelector('#list a').click()`);
+    assert.match(await line(job), /^cube\.hexex successful, /);
+    assert.match(await line(refused), /^bearing\.hexex failed, /);
+    await until(`/^hexmesh\\.mesh running, \\d+ %/.test(document.querySelector('#list a[href="#${search}"]').parentElement.innerText)`);
+    assert.equal(await seen('none'), false);
+    await browser.evaluate(`${link}.click()`);
     await until(`${state} === 'ready'`);
     assert.equal(await hexes(), 27);
     assert.equal(await faces(), 54);
-    assert.match(await browser.evaluate(`counts.textContent`), /^27 hexes, 64 vertices, 1 blocks?$/);
+    assert.match(await browser.evaluate(`counts.textContent`), /^27 hexes, 64 vertices, 1 block$/);
     assert.equal(await browser.evaluate(`histogram.children.length`), 20);
   },
   async 'a saved picture shows it'() {
@@ -63,14 +81,116 @@ const tests = {
     await set('by', 'x'), await set('at', '0.5');
     await until(`${status}.startsWith('18 of 27')`);
     assert.equal(await faces(), 42);
-    await set('by', 'k'), await set('at', '0.67');
+    await set('by', 'k'), await set('at', '0.34');
+    await until(`${status}.startsWith('18 of 27')`);
+    assert.equal(await text('atText'), 'first layer hidden');
+    await set('at', '0.67');
     await until(`${status}.startsWith('9 of 27')`);
+    assert.equal(await text('atText'), 'first 2 layers hidden');
     assert.equal(await faces(), 30);
     await set('by', '');
     await until(`${status}.startsWith('27 of 27')`);
     await set('below', '0.5');
     await until(`${status}.startsWith('0 of 27')`);
     assert.equal(await faces(), 0);
+  },
+  async 'the report of a job of tets tells what its report.json does'() {
+    await go(`${job}/report`);
+    await until(`${state} === 'ready' && document.body.dataset.view === 'job'`);
+    const report = await ask(`${job}/report`), raw = report.complex.raw, size = report.quantization;
+    assert.match(await text('facts'), /^successful; created .*; tet mesh$/);
+    assert.equal((await section('Input')).Kind, 'tet mesh');
+    assert.equal((await section('Complex'))['as traced'], [raw.blocks, raw.patches, raw.arcs, raw.t_arcs, raw.nodes, raw.singular_arcs].join(' '));
+    assert.ok((await section('Quantization')).lengths.startsWith(`${size.scale} ${size.hexes} `));
+    assert.match((await section('Hex mesh'))['Scaled Jacobian'], /^1 at least, 1 in the mean$/);
+    assert.equal(await section('Exploration'), null);
+    assert.deepEqual(Object.keys(await section('Stages')), report.stages.map(stage => stage.name));
+    assert.deepEqual(Object.keys(await section('Files')), (await ask(`${job}/results`)).results.map(file => file.name));
+    assert.equal(await seen('live') || await seen('cancel') || await seen('finish'), false);
+    await browser.evaluate(`toMesh.click()`); // the mesh is there still, with its cut
+    await until(`document.body.dataset.view === 'mesh' && ${status}.startsWith('0 of 27')`);
+  },
+  async 'what the daemon says against a wish is told'() {
+    await go(`${job}/report`);
+    await until(`${state} === 'ready' && document.body.dataset.view === 'job'`);
+    await browser.evaluate(`(window.confirm = () => true, cancel.click())`); // as if the job had ended a moment ago
+    await until(`/^Not cancelled: .*already/.test(trouble.textContent)`);
+    browser.errors.length = 0; // the browser's own line about the 409
+  },
+  async 'why a job failed is told'() {
+    await go(refused);
+    await until(`${state} === 'failed'`);
+    assert.match(await text('report'), /Why it failed[^]*the input is a mesh of tets[^]*other-kind, stage sanitize/);
+    assert.equal(await text('trouble'), '');
+  },
+  async 'a search shows the best found so far, and settles for it'() {
+    await go(search);
+    await until(`${state} === 'waiting' && notes.childElementCount > 0`);
+    const { note, stage, progress } = await ask(search);
+    assert.equal(stage, 'reduce');
+    assert.equal(await browser.evaluate(`notes.lastChild.textContent`), note);
+    assert.match(note, /^best \d+, \d+ blocks$/);
+    assert.match(await text('facts'), /^running, \d+ %; created .*, for a hexahedral mesh$/);
+    assert.ok(Math.abs(await browser.evaluate(`document.getElementById('progress').value`) - progress) < 0.2);
+    assert.ok(await seen('finish') && await seen('cancel') && await seen('finishHint'));
+    await browser.picture(`${folder}/search.png`);
+    await browser.evaluate(`finish.click()`);
+    await until(`${state} === 'ready'`);
+    assert.equal(await browser.evaluate(`document.body.dataset.view`), 'mesh');
+    assert.equal((await ask(`${search}/report`)).exploration.cut, 'finish');
+  },
+  async 'blocks of a mesh come apart, and its irregular edges are those of the report'() {
+    const { hex_quality: quality, input } = await ask(`${search}/report`), together = await faces(), before = await saved();
+    assert.equal(await hexes(), input.hexes);
+    await set('apart', '0.5');
+    await until(`apartText.textContent === '0.5' && !${status}.includes('${together} faces')`);
+    assert.ok(await faces() > together && await faces() < 6 * input.hexes);
+    const apart = await saved();
+    await browser.evaluate(`irregular.click()`);
+    const lines = await saved();
+    assert.equal(new Set([before, apart, lines].map(p => p.sum)).size, 3);
+    assert.ok(lines.white < apart.white || lines.colours !== apart.colours);
+    const list = (edges, regular) => edges.map((n, valence) => n && valence !== regular ? `${n} of ${valence} hex${valence === 1 ? '' : 'es'}` : '').filter(x => x).join(', ') || 'none';
+    assert.equal(await text('valences'), `inside: ${list(quality.inner, 4)}; on the boundary: ${list(quality.boundary, 2)}`);
+    await set('apart', '0');
+    await until(`${status}.includes('${together} faces')`);
+    await browser.evaluate(`irregular.click()`);
+    assert.equal((await saved()).sum, before.sum);
+  },
+  async 'the report of a job of hexahedra is the same page'() {
+    await go(`${search}/report`);
+    await until(`${state} === 'ready' && document.body.dataset.view === 'job'`);
+    const { exploration: e, base_complex: base, compression } = await ask(`${search}/report`);
+    assert.match(await text('facts'), /^successful; created .*; hexahedral mesh$/);
+    const found = await section('Exploration');
+    assert.match(found['Ended early'], /settle for the best found/);
+    assert.equal(found.best, `${e.best} ${e.best_blocks}`);
+    assert.match(found.Search, / evaluations in /);
+    if (base) assert.match((await section('Base complex'))['of the input'], new RegExp(`${base.before.blocks} ${base.before.irregular_edges}$`));
+    assert.ok((await section('Compression')).Estimate.startsWith(`${Number(compression.estimate_pooled.toPrecision(4))} bits per vertex (E_g at ${compression.bits} bits`));
+    assert.equal(await browser.evaluate(`document.querySelector('main').scrollWidth > document.querySelector('main').clientWidth`), false);
+  },
+  async 'a daemon that does not answer is asked again'() {
+    await go(search2);
+    await until(`${state} === 'waiting' && notes.childElementCount > 0`);
+    await offline(true);
+    await until(`/^the daemon does not answer; asking again$/.test(trouble.textContent)`);
+    await browser.evaluate(`finish.click()`);
+    await until(`/^Not asked to settle: the daemon does not answer$/.test(trouble.textContent)`);
+    await offline(false);
+    await until(`!finish.disabled`);
+    assert.equal((await ask(search2)).state, 'running');
+    browser.errors.length = 0; // the browser's own lines about it
+  },
+  async 'a job is cancelled once that is confirmed, and nothing of it is kept'() {
+    await browser.evaluate(`(window.confirm = text => (window.asked = text, false), cancel.click())`);
+    assert.match(await browser.evaluate(`window.asked`), /Nothing of it is kept/);
+    assert.equal((await ask(search2)).cancelling, undefined);
+    await browser.evaluate(`(window.confirm = () => true, cancel.click())`);
+    await until(`${state} === 'ready' && /: cancelled$/.test(${status})`);
+    assert.match(await text('facts'), /^cancelled;/);
+    assert.equal(await seen('cancel') || await seen('best'), false);
+    assert.equal((await ask(search2)).state, 'dismissed');
   },
   async 'a damaged file is told, and another can be opened'() {
     await browser.openFile('#file', damaged);

@@ -1,0 +1,37 @@
+// What all parts of the page use: its elements, its state, and the daemon's interface.
+
+export const $ = id => document.getElementById(id);
+
+/** A new element: el('a', {href: '#'}, 'text', another). What is null or false is left out. */
+export function el(tag, members = {}, ...children) {
+  const element = Object.assign(document.createElement(tag), members);
+  element.append(...children.filter(child => child || child === 0));
+  return element;
+}
+
+/** state: empty, waiting (for a job to end), working, ready or failed, in document.body.dataset.state for style and tests; and its line of text. */
+export function tell(state, text) {
+  document.body.dataset.state = state;
+  $('status').textContent = text;
+}
+
+/** A request to the daemon that was refused: `status` is that of HTTP, 0 if it did not answer. */
+export class Refused extends Error {
+  constructor(status, text) {
+    super(text);
+    this.status = status;
+  }
+}
+
+/** The JSON that the daemon answers with; throws Refused with the detail of its problem document. `path` is relative to the page. */
+export async function call(method, path) {
+  let answer, body = null;
+  try {
+    answer = await fetch(new URL(path, document.baseURI), { method, cache: 'no-store' });
+    body = await answer.json();
+  } catch {
+    if (!answer) throw new Refused(0, 'the daemon does not answer');
+  }
+  if (answer.ok && body) return body;
+  throw new Refused(answer.status, body?.detail || body?.title || `${method} ${path}: ${answer.status} ${answer.statusText}`);
+}
