@@ -79,8 +79,8 @@ static int make(const char *name, const bw_model_options *o, const char *out) {
     if (status != BW_OK)
         cli_error("%s [%s]", ctx.error.message, bw_status_code(status));
     else if (strcmp(out, "-") != 0)
-        fprintf(stderr, "%s: %zu vertices, %zu tets; its base complex has %d blocks\n", out,
-                model.vertex_count, model.tet_count, model.blocks_bc);
+        fprintf(stderr, "%s: %zu vertices, %zu tets; its base complex has %d block%s\n", out, model.vertex_count, model.tet_count,
+                model.blocks_bc, model.blocks_bc == 1 ? "" : "s");
     bw_model_clear(&ctx, &model);
     return bw_status_exit(status);
 }

@@ -10,23 +10,28 @@
 
 #include "terminal.h"
 
-static void count_line(const json_t *object, const char *const *keys, const char *const *words, size_t n) {
+typedef struct {
+    const char *key, *one, *many; /* member of the report; words behind 1 and behind other numbers */
+} counted;
+
+static void count_line(const json_t *object, const counted *counts, size_t n) {
     const char *separator = "";
     for (size_t i = 0; i < n; i++) {
-        const json_t *value = json_object_get(object, keys[i]);
+        const json_t *value = json_object_get(object, counts[i].key);
         if (!json_is_integer(value)) continue;
-        printf("%s%" JSON_INTEGER_FORMAT " %s", separator, json_integer_value(value), words[i]);
+        printf("%s%" JSON_INTEGER_FORMAT " %s", separator, json_integer_value(value), json_integer_value(value) == 1 ? counts[i].one : counts[i].many);
         separator = ", ";
     }
     putchar('\n');
 }
 
 static void repair(const json_t *repaired) {
-    static const char *const keys[] = {"regions", "tets", "vertices_moved"};
-    static const char *const words[] = {"regions", "inverted or degenerate tets", "vertices moved"};
+    static const counted counts[] = {{"regions", "region", "regions"},
+                                     {"tets", "inverted or degenerate tet", "inverted or degenerate tets"},
+                                     {"vertices_moved", "vertex moved", "vertices moved"}};
     if (!json_is_object(repaired)) return;
     printf("%-15s ", "repaired");
-    count_line(repaired, keys, words, sizeof keys / sizeof *keys);
+    count_line(repaired, counts, sizeof counts / sizeof *counts);
 }
 
 /* How the reduced complex came about. `kind` is that of the raw one. */
@@ -40,14 +45,14 @@ static void reduction(const json_t *reduced, const char *kind) {
     if (from && kind && strcmp(from, kind)) printf(", from the base complex");
     printf(", effort %" JSON_INTEGER_FORMAT, json_integer_value(json_object_get(reduced, "effort")));
     if (json_is_integer(first))
-        printf(" (farthest first: %" JSON_INTEGER_FORMAT " blocks)", json_integer_value(first));
+        printf(" (farthest first: %" JSON_INTEGER_FORMAT " block%s)", json_integer_value(first), json_integer_value(first) == 1 ? "" : "s");
     putchar('\n');
 }
 
 /* One line per state of the complex; "raw" is as traced, "reduced" after walls were taken away. */
 static void complexes(const json_t *all) {
-    static const char *const keys[] = {"blocks", "patches", "arcs", "t_arcs", "nodes", "torus_splits"};
-    static const char *const words[] = {"blocks", "patches", "arcs", "T-arcs", "nodes", "tori split"};
+    static const counted counts[] = {{"blocks", "block", "blocks"}, {"patches", "patch", "patches"}, {"arcs", "arc", "arcs"},
+                                     {"t_arcs", "T-arc", "T-arcs"}, {"nodes", "node", "nodes"},      {"torus_splits", "torus split", "tori split"}};
     const char *kind = json_string_value(json_object_get(all, "kind"));
     const char *name;
     json_t *one;
@@ -56,7 +61,7 @@ static void complexes(const json_t *all) {
         char label[64], text[64];
         snprintf(label, sizeof label, "%s, %s", kind ? kind : "complex", name);
         printf("%-15s ", cli_safe(text, sizeof text, label));
-        count_line(one, keys, words, sizeof keys / sizeof *keys);
+        count_line(one, counts, sizeof counts / sizeof *counts);
     }
     reduction(json_object_get(all, "reduced"), kind);
 }
@@ -181,14 +186,15 @@ static void stages(const json_t *list) {
 }
 
 static void input_line(const json_t *input) {
-    static const char *const tet_keys[] = {"vertices", "tets", "singular_edges"};
-    static const char *const tet_words[] = {"vertices", "tets", "singular edges"};
-    static const char *const hex_keys[] = {"hexes", "tets", "singular_edges_interior", "singular_edges_boundary"};
-    static const char *const hex_words[] = {"hexes", "tets made of them", "singular edges inside", "on the boundary"};
+    static const counted of_tets[] = {{"vertices", "vertex", "vertices"}, {"tets", "tet", "tets"}, {"singular_edges", "singular edge", "singular edges"}};
+    static const counted of_hexes[] = {{"hexes", "hex", "hexes"},
+                                       {"tets", "tet made of them", "tets made of them"},
+                                       {"singular_edges_interior", "singular edge inside", "singular edges inside"},
+                                       {"singular_edges_boundary", "on the boundary", "on the boundary"}};
     bool hexes = json_integer_value(json_object_get(input, "hexes")) > 0;
     printf("%-15s ", "input");
-    if (hexes) count_line(input, hex_keys, hex_words, sizeof hex_keys / sizeof *hex_keys);
-    else count_line(input, tet_keys, tet_words, sizeof tet_keys / sizeof *tet_keys);
+    if (hexes) count_line(input, of_hexes, sizeof of_hexes / sizeof *of_hexes);
+    else count_line(input, of_tets, sizeof of_tets / sizeof *of_tets);
 }
 
 void cli_summary_print(const json_t *report) {

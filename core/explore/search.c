@@ -42,7 +42,7 @@ void bw_search_offer(bw_search *s, const uint8_t *wall, int64_t cost, size_t blo
     if (cost >= s->best_cost) return;
     memcpy(s->best, wall, s->space->patch_count);
     s->best_cost = cost, s->best_blocks = blocks, s->improved = s->evaluations;
-    bw_note(s->ctx, "best %g, %zu blocks", bw_cost_value(cost), blocks);
+    bw_note(s->ctx, "best %g, %zu block%s", bw_cost_value(cost), blocks, blocks == 1 ? "" : "s");
 }
 
 /* The total over the regions that are labelled. */

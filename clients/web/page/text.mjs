@@ -16,11 +16,12 @@ export function real(x, digits = 4) {
 
 export const percent = x => `${real(100 * x, 3)} %`;
 
+/** As the command line program tells sizes. */
 export function bytes(n) {
-  const units = ['bytes', 'KiB', 'MiB', 'GiB', 'TiB'];
+  const units = ['B', 'kB', 'MB', 'GB', 'TB'];
   let k = 0;
-  for (; n >= 1024 && k < units.length - 1; k++) n /= 1024;
-  return k ? `${n.toFixed(1)} ${units[k]}` : counted(n, 'byte');
+  for (; n >= (k ? 999.95 : 1000) && k < units.length - 1; k++) n /= 1000;
+  return `${k ? n.toFixed(1) : n} ${units[k]}`;
 }
 
 export const seconds = x => (x < 1 ? `${real(x, 2)} s` : x < 120 ? `${x.toFixed(1)} s` : `${Math.floor(x / 60)} min ${Math.floor(x % 60)} s`);
