@@ -270,6 +270,8 @@ void bw_reply_content(bw_request *r, unsigned status, const bw_content *c) {
     } else {
         bw_reply_made(r, s.partial ? 206 : status, s.coding ? make_coded(c, s.coding) : make_plain(c, s.first, s.size), c->media_type);
         add_headers(r, c, &s);
+        r->sized = true;
+        r->reply_bytes = s.size;
         if (c->sha256 && !s.coding) add_digest(r, c->sha256);
     }
 }

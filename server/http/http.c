@@ -3,19 +3,22 @@
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "server/clock.h"
+#include "server/http/guard.h"
 #include "server/http/request.h"
 #include "server/http/routes.h"
 #include "server/log.h"
 
-enum { THREADS = 4, CONNECTIONS = 512, CONNECTION_MEMORY = 128 << 10, IDLE_SECONDS = 30, LAST_REPLIES_SECONDS = 2 };
+enum { THREADS = 4, CONNECTION_MEMORY = 128 << 10, DESCRIPTORS_KEPT = 256, LAST_REPLIES_SECONDS = 2 };
 
 struct bw_http {
     struct MHD_Daemon *daemon;
     bw_services services;
     bw_traffic traffic;
+    bw_guard *guard;
 };
 
 static void on_library_log(void *user, const char *format, va_list args) {
@@ -46,6 +49,22 @@ static void traffic_init(bw_traffic *traffic, const bw_services *services) {
     pthread_condattr_destroy(&monotonic);
 }
 
+/* As many as the configuration says and descriptors can be had for; some are kept for files and the queue. The spawner, which has been
+ * forked already, and the workers keep their own limit. */
+static unsigned connection_limit(const bw_config *config) {
+    struct rlimit limit;
+    rlim_t wanted = (rlim_t)config->max_connections, most;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return (unsigned)wanted;
+    if (limit.rlim_cur < wanted + DESCRIPTORS_KEPT) {
+        limit.rlim_cur = limit.rlim_max < wanted + DESCRIPTORS_KEPT ? limit.rlim_max : wanted + DESCRIPTORS_KEPT;
+        if (setrlimit(RLIMIT_NOFILE, &limit) != 0) getrlimit(RLIMIT_NOFILE, &limit);
+    }
+    most = limit.rlim_cur > 2 * DESCRIPTORS_KEPT ? limit.rlim_cur - DESCRIPTORS_KEPT : limit.rlim_cur / 2;
+    if (wanted <= most) return (unsigned)wanted;
+    bw_event(BW_WARN, "http.descriptors", "connections=%llu wanted=%llu", (unsigned long long)most, (unsigned long long)wanted);
+    return (unsigned)most;
+}
+
 bw_status bw_http_start(const bw_services *services, bw_http **out, char *address, size_t size) {
     for (int i = 0; i < BW_OP_COUNT; i++)
         if (!bw_routes[i].handle) return BW_E_INTERNAL; /* an operation of the document that nobody has written */
@@ -53,14 +72,19 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
     if (!http) return BW_E_MEMORY;
     http->services = *services;
     traffic_init(&http->traffic, &http->services);
+    if (bw_guard_open(services->config, &http->guard) != BW_OK) {
+        bw_http_stop(http);
+        return BW_E_IO;
+    }
     unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
     if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
     http->daemon = MHD_start_daemon(
         flags, 0, NULL, NULL, bw_request_on_call, &http->traffic, MHD_OPTION_EXTERNAL_LOGGER, on_library_log, NULL,
         MHD_OPTION_SOCK_ADDR, &services->config->listen, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)THREADS,
-        MHD_OPTION_CONNECTION_LIMIT, (unsigned)CONNECTIONS, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)IDLE_SECONDS, MHD_OPTION_NOTIFY_COMPLETED,
-        bw_request_on_end, &http->traffic, MHD_OPTION_END);
+        MHD_OPTION_CONNECTION_LIMIT, connection_limit(services->config),
+        MHD_OPTION_PER_IP_CONNECTION_LIMIT, (unsigned)services->config->max_connections_per_address, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)BW_IDLE_SECONDS, MHD_OPTION_NOTIFY_COMPLETED,
+        bw_request_on_end, &http->traffic, MHD_OPTION_NOTIFY_CONNECTION, bw_guard_on_connection, http->guard, MHD_OPTION_END);
     const union MHD_DaemonInfo *info = http->daemon ? MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_BIND_PORT) : NULL;
     if (!info) {
         bw_http_stop(http);
@@ -91,6 +115,7 @@ void bw_http_stop(bw_http *http) {
         MHD_stop_daemon(http->daemon);
         if (listening != MHD_INVALID_SOCKET) close(listening);
     }
+    bw_guard_close(http->guard);
     pthread_cond_destroy(&http->traffic.changed);
     pthread_mutex_destroy(&http->traffic.lock);
     free(http);

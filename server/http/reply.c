@@ -62,5 +62,7 @@ void bw_reply_header(bw_request *r, const char *name, const char *value) {
 
 enum MHD_Result bw_reply_send(bw_request *r) {
     if (!r->reply) bw_reply_problem(r, BW_PROBLEM_INTERNAL, "the request was not answered");
-    return r->reply ? MHD_queue_response(r->connection, r->reply_status, r->reply) : MHD_NO;
+    if (!r->reply) return MHD_NO;
+    if (r->sized) bw_guard_answer(r->guarded, r->reply_bytes);
+    return MHD_queue_response(r->connection, r->reply_status, r->reply);
 }

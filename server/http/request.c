@@ -9,7 +9,7 @@
 #include "server/http/reply.h"
 #include "server/http/routes.h"
 
-enum { DRAIN_MOST = 16 << 20, RATE_FREE_MS = 30000, RATE_LEAST = 4096 /* bytes per second */, ROOM_CHECK = 16 << 20 };
+enum { DRAIN_MOST = 16 << 20, ROOM_CHECK = 16 << 20 };
 
 const char *bw_request_header(const bw_request *r, const char *name) {
     return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
@@ -58,15 +58,26 @@ int bw_request_wait_preferred(const bw_request *r) {
 /* ---- before the body ---- */
 
 typedef struct {
-    int lengths, encodings, codings;
+    int lengths, encodings, codings, hosts;
+    bool strange;
 } framing;
+
+/* A name is a token (RFC 9110, 5.6.2). Others read "Content-Length : 5", and what not, in their own ways. */
+static bool is_token(const char *name) {
+    static const char good[] = "!#$%&'*+-.^_`|~0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ";
+    size_t n = strspn(name, good);
+    return n && !name[n];
+}
 
 static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
     framing *f = user;
-    (void)kind, (void)value;
+    bool encoding = strcasecmp(key, "Transfer-Encoding") == 0;
+    (void)kind;
     f->lengths += strcasecmp(key, "Content-Length") == 0;
-    f->encodings += strcasecmp(key, "Transfer-Encoding") == 0;
+    f->encodings += encoding;
     f->codings += strcasecmp(key, "Content-Encoding") == 0;
+    f->hosts += strcasecmp(key, "Host") == 0;
+    f->strange |= !is_token(key) || (encoding && (!value || strcasecmp(value, "chunked") != 0));
     return MHD_YES;
 }
 
@@ -75,8 +86,9 @@ static void read_length(bw_request *r, const char *length) {
     errno = 0;
     r->length = strtoull(length, &end, 10);
     r->has_length = true;
-    if (errno || *length < '0' || *length > '9' || *end)
-        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Content-Length is not a number");
+    if (!errno && *length >= '0' && *length <= '9' && !*end) return;
+    bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Content-Length is not a number");
+    r->unclear = true;
 }
 
 static void check_coding(bw_request *r, int codings) {
@@ -89,25 +101,31 @@ static void check_coding(bw_request *r, int codings) {
     }
 }
 
-/* Where two readers could see two different bodies, nobody reads any. */
-static void check_framing(bw_request *r) {
-    framing f = {0, 0, 0};
+static bool check_hosts(bw_request *r, int hosts, bool old) {
+    if (hosts == 1 || (hosts == 0 && old)) return true;
+    bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "a request says with Host whom it is for, once");
+    return false;
+}
+
+/* Where two readers could see two different bodies, nobody reads any (RFC 9112, 6.1 and 11.2). */
+static void check_framing(bw_request *r, bool old) {
+    framing f = {0, 0, 0, 0, false};
     MHD_get_connection_values(r->connection, MHD_HEADER_KIND, count_framing, &f);
-    if (f.lengths + f.encodings > 1) {
-        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "the request says more than once where its body ends");
-        bw_reply_header(r, "Connection", "close");
-        return;
-    }
     const char *length = bw_request_header(r, "Content-Length");
     if (length) read_length(r, length);
-    if (f.codings) check_coding(r, f.codings);
+    if (f.lengths + f.encodings > 1 || f.strange || (old && f.encodings)) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "it is not certain where the request's body ends");
+        bw_reply_header(r, "Connection", "close");
+        r->length = 0; /* the answer goes at once, and no byte of the body is looked at */
+        r->unclear = true;
+    } else if (check_hosts(r, f.hosts, old) && f.codings) {
+        check_coding(r, f.codings);
+    }
 }
 
 static void begin(bw_request *r, const char *method, const char *version, const char *path) {
     r->head = strcmp(method, "HEAD") == 0;
-    check_framing(r);
-    if (!bw_request_header(r, "Host") && strcmp(version, "HTTP/1.0") != 0)
-        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "a request says with Host whom it is for");
+    check_framing(r, strcmp(version, "HTTP/1.0") == 0);
     if (r->reply || !bw_route_find(r, method, path)) return;
     if (bw_routes[r->op].begin) bw_routes[r->op].begin(r);
     else if (r->has_length && r->length > BW_BODY_MOST)
@@ -137,7 +155,7 @@ static bool collect(bw_request *r, const char *data, size_t size) {
 
 static bool store(bw_request *r, const char *data, size_t size) {
     uint64_t before = bw_upload_bytes(r->upload), most = r->services->config->max_upload;
-    if (size > most - before) {
+    if (before + size > most) {
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
         return false;
     }
@@ -160,7 +178,7 @@ static bool deliver(void *user, const char *data, size_t size) {
 static bool take_body(bw_request *r, const char *data, size_t size) {
     int64_t ms = bw_mono_ms() - r->started;
     r->received += size;
-    if (ms > RATE_FREE_MS && (int64_t)r->received < ms / 1000 * RATE_LEAST) return false;
+    if (ms > r->services->config->body_timeout_ms && (int64_t)r->received < ms / 1000 * BW_RATE_LEAST) return false;
     if (r->reply) return r->received <= DRAIN_MOST || r->has_length;
     if (!r->unpacker) return deliver(r, data, size) || r->reply;
     bw_status status = bw_unpack(r->unpacker, data, size, deliver, r);
@@ -183,6 +201,8 @@ static bw_request *new_request(bw_traffic *traffic, struct MHD_Connection *conne
     r->traffic = traffic;
     r->services = traffic->services;
     r->connection = connection;
+    r->guarded = bw_guard_find(connection);
+    bw_guard_work(r->guarded);
     r->started = bw_mono_ms();
     pthread_mutex_lock(&traffic->lock);
     traffic->active++;
@@ -196,9 +216,11 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
     if (!r) {
         if (!(r = *state = new_request(user, connection))) return MHD_NO;
         begin(r, method, version, url);
-        bool waits = bw_request_header(r, "Expect") != NULL;
-        bool whole = !bw_request_header(r, "Transfer-Encoding") && r->length == 0;
-        return r->reply && (waits || whole || r->length > DRAIN_MOST) ? bw_reply_send(r) : MHD_YES;
+        bool chunked = bw_request_header(r, "Transfer-Encoding") != NULL;
+        bool waits = bw_request_header(r, "Expect") != NULL, whole = !chunked && r->length == 0;
+        if (r->reply && (waits || whole || r->unclear || r->length > DRAIN_MOST)) return bw_reply_send(r);
+        if (!whole) bw_guard_body(r->guarded, chunked ? BW_BODY_MOST : r->length);
+        return MHD_YES;
     }
     if (*size) {
         bool good = take_body(r, data, *size);
@@ -206,6 +228,7 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
         return good ? MHD_YES : MHD_NO;
     }
     r->held = false;
+    bw_guard_work(r->guarded);
     if (!r->reply) (r->resume ? r->resume : handle)(r);
     return r->held ? MHD_YES : bw_reply_send(r);
 }
@@ -215,6 +238,7 @@ void bw_request_on_end(void *user, struct MHD_Connection *connection, void **sta
     bw_request *r = *state;
     (void)connection, (void)code;
     if (!r) return;
+    bw_guard_next(r->guarded);
     bw_upload_abort(r->upload);
     bw_unpacker_free(r->unpacker);
     if (r->reply) MHD_destroy_response(r->reply);

@@ -21,6 +21,7 @@
 
 #include "bw_api.h"
 #include "server/http/coding.h"
+#include "server/http/guard.h"
 #include "server/http/http.h"
 
 enum {
@@ -42,10 +43,11 @@ typedef struct bw_request {
     bw_traffic *traffic;
     const bw_services *services;
     struct MHD_Connection *connection;
+    bw_guarded *guarded; /* the same */
     bw_op op;
     char parameters[2][BW_PARAMETER_MOST]; /* the variable segments of the path, in order */
     bool head;                             /* HEAD: the same as GET, without the content */
-    bool has_length;
+    bool has_length, unclear;              /* unclear: where the body ends */
     uint64_t length;                       /* Content-Length */
     uint64_t received;                     /* of the body, as it came */
     bw_unpacker *unpacker;                 /* NULL: the body is not coded */
@@ -55,6 +57,8 @@ typedef struct bw_request {
     bw_upload *upload;
     struct MHD_Response *reply; /* NULL until made */
     unsigned reply_status;
+    bool sized;                          /* the reply has so many bytes, at most: */
+    uint64_t reply_bytes;
     bool held;                           /* suspended in the call under way; of the HTTP thread only */
     void (*resume)(struct bw_request *); /* NULL: handle */
     void *state;                         /* of the operation, between its calls */

@@ -17,7 +17,7 @@
 
 enum { ANSWER_MOST = 1 << 20, PATIENCE_MS = 20 };
 
-static bw_config config = {.max_upload = 1 << 16, .stage_memory = 1 << 20, .stage_output = 1 << 20, .worker = "/bin/true"};
+static bw_config config = {.max_connections = 64, .max_connections_per_address = 64, .header_timeout_ms = 5000, .body_timeout_ms = 5000, .max_upload = 1 << 16, .stage_memory = 1 << 20, .stage_output = 1 << 20, .worker = "/bin/true"};
 static struct sockaddr_in address = {.sin_family = AF_INET};
 static char folder[64];
 

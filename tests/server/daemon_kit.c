@@ -323,6 +323,19 @@ char *kit_raw(const kit_daemon *d, const char *data, size_t size, bool half_clos
 
 void kit_abandon(const kit_daemon *d, const char *data, size_t size) { close(send_all(d, data, size)); }
 
+bool kit_no_uploads(const kit_daemon *d, int ms) {
+    char path[100];
+    snprintf(path, sizeof path, "%s/tmp", d->data);
+    for (int waited = 0; waited <= ms; waited += 10, kit_sleep_ms(10)) {
+        int found = 0;
+        DIR *folder = opendir(path);
+        for (struct dirent *e; folder && (e = readdir(folder));) found += strncmp(e->d_name, "upload.", 7) == 0;
+        if (folder) closedir(folder);
+        if (!found) return true;
+    }
+    return false;
+}
+
 /* ---- processes ---- */
 
 static pid_t parent_of(pid_t pid) {

@@ -66,6 +66,8 @@ void kit_expect_problem(kit_reply reply, long status, const char *code);
 char *kit_raw(const kit_daemon *daemon, const char *data, size_t size, bool half_close);
 /* Sends and hangs up. */
 void kit_abandon(const kit_daemon *daemon, const char *data, size_t size);
+/* Waits until no upload is under way any more; false after `ms`. */
+bool kit_no_uploads(const kit_daemon *daemon, int ms);
 void kit_sleep_ms(int ms);
 /* Worker processes of this daemon's spawner. */
 size_t kit_workers(const kit_daemon *daemon, pid_t *pids, size_t most);

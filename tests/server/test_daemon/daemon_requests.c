@@ -91,7 +91,7 @@ static void an_upload_without_length_is_refused(void **state) {
 
 static void a_truncated_upload_leaves_nothing(void **state) {
     (void)state;
-    char hash[BW_SHA256_TEXT], text[400], path[120], temporary[100];
+    char hash[BW_SHA256_TEXT], text[400], path[120];
     kit_hash("truncated", 9, hash);
     int n = snprintf(text, sizeof text, "PUT /v1/blobs/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 5000\r\n\r\ntruncated", hash);
     free(kit_raw(&d, text, (size_t)n, true));
@@ -99,15 +99,7 @@ static void a_truncated_upload_leaves_nothing(void **state) {
     kit_reply r = kit_request(&d, "HEAD", path, NULL, NULL, 0);
     assert_int_equal(r.status, 404);
     kit_free(&r);
-    /* Usually at once; when the library misses the end of the connection, when it has been idle for 30 s. */
-    for (unsigned i = 0, found = 1; found; i++, kit_sleep_ms(10)) {
-        found = 0;
-        for (unsigned k = 0; k < 64; k++) {
-            snprintf(temporary, sizeof temporary, "%s/tmp/upload.%u", d.data, k);
-            found |= access(temporary, F_OK) == 0;
-        }
-        assert_true(i < 5000);
-    }
+    assert_true(kit_no_uploads(&d, 50000));
 }
 
 static void what_is_not_there_is_404_and_the_wrong_method_405(void **state) {
@@ -188,10 +180,21 @@ static void two_ways_to_end_a_body_are_refused(void **state) {
     (void)state;
     const char *smuggled[] = {
         "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
-        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4\r\nContent-Length: 5\r\n\r\nabcde"};
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\nContent-Length: 4\r\n\r\n0\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4\r\nContent-Length: 5\r\n\r\nabcde",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4\r\nContent-Length: 4\r\n\r\nabcd",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: xchunked\r\n\r\n0\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: identity\r\nContent-Length: 4\r\n\r\nabcd",
+        "POST /v1/jobs HTTP/1.0\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length : 4\r\n\r\nGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: +4\r\n\r\nabcd",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4, 4\r\n\r\nabcd",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding : chunked\r\nContent-Length: 5\r\n\r\n0\r\n\r\n",
+        "GET /livez HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n"};
     for (size_t i = 0; i < sizeof smuggled / sizeof *smuggled; i++) {
         char *answer = kit_raw(&d, smuggled[i], strlen(smuggled[i]), true);
-        assert_non_null(strstr(answer, " 400 "));
+        if (!strstr(answer, " 400 ") || strstr(answer, " 200 ")) fail_msg("%s\n-> %s", smuggled[i], answer);
         free(answer);
     }
 }
