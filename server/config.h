@@ -50,6 +50,8 @@ typedef struct {
     _Atomic uint64_t stage_memory;     /* bytes a stage may take */
     _Atomic uint64_t stage_output;     /* bytes of one file a stage may write */
     atomic_int stage_cpu_seconds, stage_wall_seconds;
+    atomic_int owner_jobs, owner_running; /* of one owner: jobs that have not ended; stages at the same time. 0: any number */
+    _Atomic uint64_t owner_bytes;         /* of the blobs that an owner's jobs name. 0: any number */
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
     atomic_int log_level, log_format; /* log.h */
     bw_origin origins[BW_SETTINGS_MOST]; /* by index in bw_settings; read and written by the main thread only */
