@@ -43,6 +43,7 @@ typedef struct {
     char worker[PATH_MAX];          /* the worker program, absolute */
     struct sockaddr_storage listen; /* loopback */
     socklen_t listen_size;
+    char host_names[1024]; /* names in Host that are taken as this daemon's, besides those of loopback; commas between them */
     atomic_int workers;                /* stages that run at the same time */
     atomic_int max_connections, max_connections_per_address;
     atomic_int header_timeout_ms, body_timeout_ms; /* http/guard.h */
@@ -50,8 +51,6 @@ typedef struct {
     _Atomic uint64_t stage_memory;     /* bytes a stage may take */
     _Atomic uint64_t stage_output;     /* bytes of one file a stage may write */
     atomic_int stage_cpu_seconds, stage_wall_seconds;
-    atomic_int owner_jobs, owner_running; /* of one owner: jobs that have not ended; stages at the same time. 0: any number */
-    _Atomic uint64_t owner_bytes;         /* of the blobs that an owner's jobs name. 0: any number */
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
     atomic_int log_level, log_format; /* log.h */
     bw_origin origins[BW_SETTINGS_MOST]; /* by index in bw_settings; read and written by the main thread only */
@@ -63,7 +62,8 @@ typedef enum {
     BW_SETTING_DURATION, /* atomic_int in units of unit_ms: seconds, or with ms, s, m, h, d */
     BW_SETTING_CHOICE,   /* atomic_int: index among the words of `choices` */
     BW_SETTING_ADDRESS,  /* sockaddr_storage: ADDRESS:PORT, numeric or localhost, IPv6 in brackets */
-    BW_SETTING_PATH      /* char[room] */
+    BW_SETTING_PATH,     /* char[room] */
+    BW_SETTING_NAMES     /* char[room]: names of hosts, commas between them */
 } bw_setting_type;
 
 typedef struct {

@@ -328,7 +328,7 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
     bw_status status = BW_OK;
     bool found = true;
     while (free_slot(d)) {
-        status = bw_queue_turn(d->queue, d->config->owner_running, &turn, &found);
+        status = bw_queue_turn(d->queue, 0, &turn, &found);
         if (status != BW_OK || !found) break;
         status = serve(d, turn.owner);
         if (status != BW_OK) break;

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -66,4 +67,11 @@ bw_status bw_write_file(const char *path, const char *data, size_t size) {
     close(fd);
     if (status == BW_OK && rename(temporary, path) != 0) status = BW_E_IO;
     return status == BW_OK ? sync_parent(path) : status;
+}
+
+int bw_lock_file(const char *path) {
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (fd < 0 || flock(fd, LOCK_EX | LOCK_NB) == 0) return fd;
+    close(fd);
+    return -1;
 }

@@ -15,5 +15,7 @@ bw_status bw_sync_path(const char *path);            /* fsync of a folder or fil
 bw_status bw_make_dir(const char *path);             /* fine if it is there; the parent is synced if it was made */
 bw_status bw_remove_tree(const char *path);          /* fine if it is not there */
 bw_status bw_write_file(const char *path, const char *data, size_t size); /* temporary, sync, rename, sync folder */
+/* The file, made if missing, with its lock; -1 if another process has it. The lock goes with the descriptor, however the process ends. */
+int bw_lock_file(const char *path);
 
 #endif

@@ -15,11 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
-#include <sys/file.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include "server/access.h"
+#include "server/admin.h"
 #include "server/clock.h"
+#include "server/commands.h"
 #include "server/config.h"
 #include "server/dispatch.h"
 #include "server/files.h"
@@ -41,8 +43,7 @@ static int command_words;
 static bw_status take_folder(void) {
     char path[PATH_MAX];
     snprintf(path, sizeof path, "%s/lock", config.data);
-    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) return BW_OK;
+    if (bw_lock_file(path) >= 0) return BW_OK;
     bw_event(BW_ERROR, "data.busy", "path=%s", path);
     fprintf(stderr, "blockwrightd: another daemon uses %s\n", config.data);
     return BW_E_IO;
@@ -205,6 +206,7 @@ static bw_status serve(int spawner) {
     char database[PATH_MAX], address[96];
     bw_services services = {.config = &config};
     bw_http *http = NULL;
+    bw_admin *admin = NULL;
     int signals = block_signals(), fatal = eventfd(0, EFD_CLOEXEC);
     const char *what = "data folder";
     bw_status status = signals < 0 || fatal < 0 ? BW_E_IO : take_folder();
@@ -213,6 +215,9 @@ static bw_status serve(int spawner) {
     if (status == BW_OK) what = "store", status = bw_store_open(config.data, &services.store);
     if (status == BW_OK) what = "queue", status = bw_queue_open(database, &services.queue);
     if (status == BW_OK) what = "recovery", status = put_right(services.store, services.queue);
+    if (status == BW_OK) what = "access tokens", status = bw_access_open(services.queue, &services.access);
+    if (status == BW_OK)
+        what = "DATA/control", status = bw_admin_start(config.data, &(bw_admin_services){services.queue, services.access}, &admin);
     if (status == BW_OK) what = "watch", status = bw_watch_open(&services.watch);
     if (status == BW_OK)
         what = "dispatcher", status = bw_dispatch_start(&config, services.store, services.queue, services.watch, spawner,
@@ -224,6 +229,8 @@ static bw_status serve(int spawner) {
     bw_http_stop(http);
     bw_dispatch_stop(services.dispatch);
     bw_watch_close(services.watch);
+    bw_admin_stop(admin);
+    bw_access_close(services.access);
     bw_queue_close(services.queue);
     bw_store_close(services.store);
     bw_event(BW_INFO, "daemon.stopped", "code=%d", status == BW_OK ? 0 : 5);
@@ -276,6 +283,7 @@ static int serve_command(int argc, char **argv) {
  * `others` takes out of its words. */
 static const command commands[] = {
     {"serve", "the daemon; also what runs without a command", serve_command},
+    {"token", "access tokens: token create, token list, token revoke; see token --help", bw_command_token},
 };
 enum { COMMANDS = sizeof commands / sizeof *commands };
 

@@ -14,6 +14,7 @@ static const int64_t size_most = INT64_MAX >> 2;
 
 #define FIELD(member) offsetof(bw_config, member), sizeof(((bw_config *)0)->member)
 #define PATH(member) BW_SETTING_PATH, FIELD(member), 0, 0, 0, NULL
+#define NAMES(member) BW_SETTING_NAMES, FIELD(member), 0, 0, 0, NULL
 #define ADDRESS(member) BW_SETTING_ADDRESS, FIELD(member), 0, 0, 0, NULL
 #define COUNT(member, low, high) BW_SETTING_COUNT, FIELD(member), low, high, 0, NULL
 #define SIZE(member) BW_SETTING_SIZE, FIELD(member), 1, size_most, 0, NULL
@@ -27,6 +28,8 @@ const bw_setting bw_settings[] = {
      "where blobs, jobs and results are kept; made if missing. One daemon per folder. Must be given"},
     {"listen", ADDRESS(listen), "127.0.0.1:8080", false, "ADDRESS:PORT",
      "Loopback only, for there are no access tokens yet. Port 0 takes a free one; the address is written to DIR/address in any case"},
+    {"host-names", NAMES(host_names), "", false, "NAME,...",
+     "names that the daemon is reached by, say of a proxy before it. Without access tokens it answers to these and those of loopback only"},
     {"worker", PATH(worker), NULL, false, "PROGRAM", "the worker, by default the blockwright-worker beside this program"},
     {"workers", COUNT(workers, 1, 256), NULL, false, "N", "stages that run at the same time, by default one per core"},
     {"max-connections", COUNT(max_connections, 16, 100000), "4096", false, "N", "connections that are open at the same time"},
@@ -40,10 +43,6 @@ const bw_setting bw_settings[] = {
     {"stage-output", SIZE(stage_output), "16G", true, "SIZE", "largest file one stage may write"},
     {"stage-cpu-seconds", SECONDS(stage_cpu_seconds, 1, 30 * DAY), "1h", true, "TIME", "processor time one stage may take"},
     {"stage-wall-seconds", SECONDS(stage_wall_seconds, 1, 30 * DAY), "2h", true, "TIME", "time one stage may take by the clock"},
-    {"owner-jobs", COUNT(owner_jobs, 0, INT_MAX), "0", true, "N", "jobs of one owner that wait or run; 0: any number"},
-    {"owner-running", COUNT(owner_running, 0, 256), "0", true, "N", "stages of one owner that run at the same time; 0: any number"},
-    {"owner-bytes", BW_SETTING_SIZE, FIELD(owner_bytes), 0, size_most, 0, NULL, "0", true, "SIZE",
-     "inputs that the jobs of one owner name, in all; 0: any number"},
     {"stop-grace", MILLISECONDS(stop_grace_ms, 0, DAY * 1000), "0s", true, "TIME",
      "how long running stages may go on after SIGTERM before they are given back to the queue"},
     {"log-level", CHOICE(log_level, "debug info warn error"), "info", true, "LEVEL", "least level that is logged"},
@@ -229,6 +228,15 @@ static bool parse_path(const bw_setting *s, char *value, const char *text, char 
     return (n >= 0 && (size_t)n < s->room) || complain(error, size, "'%.80s...' is too long", text);
 }
 
+static bool parse_names(const bw_setting *s, char *value, const char *text, char *error, size_t size) {
+    static const char good[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789.-:,";
+    size_t n = strlen(text);
+    if (strspn(text, good) != n) return complain(error, size, "'%.80s' is no list of names with commas between them", text);
+    if (n >= s->room) return complain(error, size, "'%.80s...' is too long", text);
+    memcpy(value, text, n + 1);
+    return true;
+}
+
 bool bw_setting_parse(const bw_setting *s, bw_config *config, const char *text, char *error, size_t size) {
     void *field = (char *)config + s->offset;
     switch (s->type) {
@@ -238,6 +246,7 @@ bool bw_setting_parse(const bw_setting *s, bw_config *config, const char *text, 
     case BW_SETTING_CHOICE: return parse_choice(s, field, text, error, size);
     case BW_SETTING_ADDRESS: return parse_address(field, text, error, size);
     case BW_SETTING_PATH: return parse_path(s, field, text, error, size);
+    case BW_SETTING_NAMES: return parse_names(s, field, text, error, size);
     }
     return false;
 }
@@ -287,6 +296,7 @@ char *bw_setting_text(const bw_setting *s, const bw_config *config, char text[BW
     case BW_SETTING_DURATION: write_duration((int64_t)number * s->unit_ms, text); break;
     case BW_SETTING_CHOICE: write_choice(s->choices, number, text); break;
     case BW_SETTING_ADDRESS: write_address(field, text); break;
+    case BW_SETTING_NAMES:
     case BW_SETTING_PATH: snprintf(text, BW_VALUE_TEXT, "%s", (const char *)field); break;
     }
     return text;

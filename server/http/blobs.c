@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include "server/http/access.h"
 #include "server/http/content.h"
 #include "server/http/reply.h"
 #include "server/log.h"
@@ -26,7 +27,7 @@ void bw_http_blob_begin(bw_request *r) {
     } else if (r->length > s->config->max_upload) {
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes",
                          (unsigned long long)s->config->max_upload);
-    } else if ((fd = bw_store_open_blob(s->store, r->parameters[0], &bytes)) >= 0) {
+    } else if ((fd = bw_http_open_blob(r, r->parameters[0], &bytes)) >= 0) {
         close(fd);
         bw_reply_json(r, 200, blob_json(r->parameters[0], bytes));
     } else if (bw_store_room(s->store) < r->length + BW_ROOM_KEPT) {
@@ -35,6 +36,13 @@ void bw_http_blob_begin(bw_request *r) {
     } else if (bw_upload_begin(s->store, &r->upload) != BW_OK) {
         bw_reply_storage(r);
     }
+}
+
+static void stored(bw_request *r) {
+    uint64_t bytes;
+    const char *sha256 = bw_http_kept_blob(r, &bytes);
+    bw_event(BW_INFO, "blob.stored", "sha256=%s bytes=%llu", sha256, (unsigned long long)bytes);
+    bw_reply_json(r, 201, blob_json(sha256, bytes));
 }
 
 void bw_http_blob_put(bw_request *r) {
@@ -49,15 +57,14 @@ void bw_http_blob_put(bw_request *r) {
         bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s",
                          (unsigned long long)bytes, actual);
     } else {
-        bw_event(BW_INFO, "blob.stored", "sha256=%s bytes=%llu", actual, (unsigned long long)bytes);
-        bw_reply_json(r, 201, blob_json(actual, bytes));
+        bw_http_keep_blob(r, actual, bytes, stored);
     }
 }
 
 void bw_http_blob_head(bw_request *r) {
     uint64_t bytes;
     if (!is_hash(r)) return;
-    int fd = bw_store_open_blob(r->services->store, r->parameters[0], &bytes);
+    int fd = bw_http_open_blob(r, r->parameters[0], &bytes);
     if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
     else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = "application/octet-stream", .sha256 = r->parameters[0]});
 }

@@ -4,6 +4,7 @@
 #ifndef BW_SERVER_HTTP_H
 #define BW_SERVER_HTTP_H
 
+#include "server/access.h"
 #include "server/config.h"
 #include "server/dispatch.h"
 #include "server/queue/queue.h"
@@ -14,6 +15,7 @@ typedef struct {
     const bw_config *config;
     bw_store *store;
     bw_queue *queue;
+    bw_access *access;
     bw_watch *watch;
     bw_dispatch *dispatch;
 } bw_services; /* all borrowed */

@@ -228,4 +228,40 @@ bw_status bw_queue_forget_output(bw_queue *queue, const char *key);
 bw_status bw_queue_sweep_outputs(bw_queue *queue, bool (*present)(void *user, const char *key), void *user,
                                  int *forgotten);
 
+/* ---- who may do what (access.h) ---- */
+
+enum { BW_TOKEN_ID_TEXT = 13, BW_TOKEN_NOTE_MOST = 200 };
+
+typedef struct {
+    char id[BW_TOKEN_ID_TEXT];
+    char hash[BW_SHA256_TEXT]; /* of the whole token as text */
+    char owner[BW_OWNER_TEXT];
+    int scopes; /* of bw_scope */
+    int64_t created, expires, revoked; /* ms; 0: never */
+    char *note;
+} bw_token;
+/* All there ever were, oldest first; revoked ones stay. Free with bw_tokens_free. */
+bw_status bw_queue_tokens(bw_queue *queue, bw_token **tokens, size_t *count);
+void bw_tokens_free(bw_token *tokens, size_t count);
+bw_status bw_write_token(bw_writer *writer, void *token); /* adds a bw_token, all borrowed */
+typedef struct {
+    const char *id; /* borrowed */
+    int64_t now;
+    bool found;
+} bw_revocation;
+bw_status bw_write_revocation(bw_writer *writer, void *revocation); /* of one that is revoked already: nothing */
+
+/* Whose job this is, or was: the owner of a deleted one is still known while it is in `gone`. */
+bw_status bw_queue_job_owner(bw_queue *queue, const char *id, char owner[BW_OWNER_TEXT], bool *found);
+/* Notes that the owner has uploaded a blob (bw_new_blob). */
+typedef struct {
+    const char *owner, *sha256; /* borrowed */
+    int64_t bytes, now;
+    int64_t most; /* bytes the owner may have in all; 0: any */
+    bool fits;    /* else nothing is noted */
+} bw_new_blob;
+bw_status bw_write_blob(bw_writer *writer, void *blob);
+/* Has the owner uploaded it? */
+bw_status bw_queue_owns_blob(bw_queue *queue, const char *owner, const char *sha256, bool *owns);
+
 #endif

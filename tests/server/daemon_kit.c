@@ -23,8 +23,9 @@ void kit_sleep_ms(int ms) { nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 
 
 static void exec_daemon(const kit_daemon *d, const char *const *arguments) {
     char log[96];
-    char *argv[ARGUMENTS_MOST] = {BW_BIN_DIR "/blockwrightd", "--data", (char *)d->data, "--listen", "127.0.0.1:0"};
-    int n = 5;
+    char *argv[ARGUMENTS_MOST] = {BW_BIN_DIR "/blockwrightd", "--data", (char *)d->data, "--listen", "127.0.0.1:0",
+                                     "--host-names", "x"}; /* raw requests say "Host: x" */
+    int n = 7;
     argv[n++] = "--worker";
     argv[n++] = (char *)(d->worker ? d->worker : BW_BIN_DIR "/blockwright-test-worker");
     while (arguments && *arguments && n + 1 < ARGUMENTS_MOST) argv[n++] = (char *)*arguments++;

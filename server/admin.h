@@ -1,0 +1,43 @@
+/* What the operator of a daemon asks of it on its own machine: `blockwrightd token ...`, `blockwrightd owner ...`.
+ *
+ * A daemon that runs has the only writing connection to its database, so it is asked over DATA/control, a UNIX socket that only the
+ * daemon's user can open (mode 0600 in a folder of mode 0700; the peer's user is checked as well). If no daemon runs, whoever asks takes
+ * DATA/lock, opens the database and does itself what the daemon would do. Both ways run the same functions (admin_commands.c).
+ *
+ * On the socket: one request as a line of JSON, {"command": "token create", ...}, one answer as a line of JSON: {"error": "..."}
+ * or what the command has to say.
+ *
+ * How to add a command: a row in bw_admin_commands[] (admin_commands.c) and whoever asks it, a row in commands[] (main.c).
+ */
+#ifndef BW_SERVER_ADMIN_H
+#define BW_SERVER_ADMIN_H
+
+#include <jansson.h>
+
+#include "server/access.h"
+#include "server/queue/queue.h"
+
+enum { BW_ADMIN_ERROR = 300 };
+
+typedef struct {
+    bw_queue *queue;
+    bw_access *access;
+} bw_admin_services; /* borrowed */
+
+typedef struct {
+    const char *name;
+    /* A new object, or NULL and why not. */
+    json_t *(*run)(const bw_admin_services *services, const json_t *request, char error[BW_ADMIN_ERROR]);
+} bw_admin_command;
+extern const bw_admin_command bw_admin_commands[]; /* ends with a name NULL */
+
+typedef struct bw_admin bw_admin;
+
+/* Listens on DATA/control in a thread of its own. */
+bw_status bw_admin_start(const char *data, const bw_admin_services *services, bw_admin **admin);
+void bw_admin_stop(bw_admin *admin);
+
+/* Asks the daemon of `data`, or does it in its stead. Takes `request`. NULL: `error` tells why. */
+json_t *bw_admin_ask(const char *data, json_t *request, char error[BW_ADMIN_ERROR]);
+
+#endif

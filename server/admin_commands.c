@@ -1,0 +1,96 @@
+/* What can be asked over DATA/control. Requests come from the operator, but from another version of the program perhaps: all is checked. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/admin.h"
+#include "server/clock.h"
+#include "server/log.h"
+
+static const char *text_of(const json_t *object, const char *name) {
+    const char *text = json_string_value(json_object_get(object, name));
+    return text ? text : "";
+}
+
+static json_t *failed(char error[BW_ADMIN_ERROR], const char *why) {
+    snprintf(error, BW_ADMIN_ERROR, "%s", why);
+    return NULL;
+}
+
+/* ---- tokens ---- */
+
+static void set_time(json_t *object, const char *name, int64_t ms) {
+    char text[BW_TIME_TEXT];
+    if (ms) json_object_set_new(object, name, json_string(bw_time_text(ms, text)));
+}
+
+static json_t *scopes_json(int scopes) {
+    json_t *list = json_array();
+    for (int i = 0; i < BW_SCOPE_COUNT; i++)
+        if (scopes & 1 << i) json_array_append_new(list, json_string(bw_scope_names[i]));
+    return list;
+}
+
+static json_t *token_json(const bw_token *t, int64_t now) {
+    const char *state = t->revoked ? "revoked" : t->expires && t->expires <= now ? "expired" : "valid";
+    json_t *o = json_pack("{s:s, s:s, s:s, s:s, s:o}", "id", t->id, "owner", t->owner, "note", t->note ? t->note : "", "state", state,
+                          "scopes", scopes_json(t->scopes));
+    set_time(o, "created", t->created);
+    set_time(o, "expires", t->expires);
+    set_time(o, "revoked", t->revoked);
+    return o;
+}
+
+static json_t *token_create(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    const char *owner = text_of(request, "owner"), *note = text_of(request, "note");
+    char secret[BW_TOKEN_TEXT];
+    bw_token token = {.scopes = bw_scopes_parse(text_of(request, "scopes"))};
+    json_int_t life = json_integer_value(json_object_get(request, "expires_ms"));
+    if (!bw_is_owner_name(owner))
+        return failed(error, "an owner's name has 1 to 64 of A-Z a-z 0-9 . _ @ + - and begins with a letter or digit");
+    if (!token.scopes) return failed(error, "scopes are a list, without blanks, of: submit, read, read-all, admin");
+    if (strlen(note) > BW_TOKEN_NOTE_MOST) return failed(error, "the note has more than 200 bytes");
+    if (life < 0) return failed(error, "the token would have expired already");
+    if (bw_token_make(&token, bw_now_ms(), secret) != BW_OK) return failed(error, "there are no random bits to be had");
+    snprintf(token.owner, sizeof token.owner, "%s", owner);
+    token.note = (char *)note;
+    token.expires = life ? token.created + life : 0;
+    if (bw_queue_write(s->queue, bw_write_token, &token) != BW_OK || bw_access_refresh(s->access) != BW_OK)
+        return failed(error, "the database does not take it");
+    bw_event(BW_INFO, "token.created", "token=%s owner=%s", token.id, token.owner);
+    json_t *answer = token_json(&token, token.created);
+    json_object_set_new(answer, "token", json_string(secret));
+    explicit_bzero(secret, sizeof secret);
+    return answer;
+}
+
+static json_t *token_list(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    bw_token *tokens;
+    size_t count;
+    json_t *list = json_array();
+    (void)request;
+    if (bw_queue_tokens(s->queue, &tokens, &count) != BW_OK) {
+        json_decref(list);
+        return failed(error, "the database does not read");
+    }
+    for (size_t i = 0; i < count; i++) json_array_append_new(list, token_json(&tokens[i], bw_now_ms()));
+    bw_tokens_free(tokens, count);
+    return json_pack("{s:o}", "tokens", list);
+}
+
+static json_t *token_revoke(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    bw_revocation r = {.id = text_of(request, "id"), .now = bw_now_ms()};
+    if (bw_queue_write(s->queue, bw_write_revocation, &r) != BW_OK || bw_access_refresh(s->access) != BW_OK)
+        return failed(error, "the database does not take it");
+    if (!r.found) return failed(error, "there is no token of this id; blockwrightd token list shows them");
+    bw_event(BW_INFO, "token.revoked", "token=%s", r.id);
+    return json_pack("{s:s}", "id", r.id);
+}
+
+const bw_admin_command bw_admin_commands[] = {
+    {"token create", token_create},
+    {"token list", token_list},
+    {"token revoke", token_revoke},
+    {NULL, NULL},
+};

@@ -1,0 +1,195 @@
+/* blockwrightd token ... : reads the words, asks the daemon (admin.h), shows what it says.
+ *
+ * Exit codes: 0 done, 2 a mistake in the words, 5 it could not be done.
+ */
+#include "server/commands.h"
+
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/admin.h"
+#include "server/config.h"
+
+enum { DONE = 0, USAGE = 2, FAILED = 5 };
+
+static const char token_usage[] =
+    "usage: blockwrightd token create --data DIR --owner NAME [--scopes LIST] [--expires TIME] [--note TEXT]\n"
+    "       blockwrightd token list --data DIR [--json]\n"
+    "       blockwrightd token revoke --data DIR ID\n"
+    "\n"
+    "create prints the token on standard output, once: only its hash is kept. Who shows it (Authorization: Bearer TOKEN) acts as\n"
+    "the owner NAME. LIST is some of submit,read,read-all,admin with commas between them, by default submit,read. TIME is 12h, 30d, 52w;\n"
+    "without it the token does not expire. From the first token on, nobody can do anything without one, and that stays so when it is\n"
+    "revoked. All of it works while the daemon runs, and takes effect at once.\n";
+
+static int complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
+static int complain(const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    fprintf(stderr, "blockwrightd: ");
+    vfprintf(stderr, format, args);
+    fputc('\n', stderr);
+    va_end(args);
+    return USAGE;
+}
+
+/* ---- words ---- */
+
+/* Takes `--name VALUE` or `--name=VALUE` out of the words; NULL if it is not among them. False in *good: the value is missing. */
+static const char *take_option(int *argc, char **argv, const char *name, bool *good) {
+    size_t n = strlen(name);
+    for (int i = 1; i < *argc; i++) {
+        const char *word = argv[i], *value = NULL;
+        int used = 1;
+        if (strncmp(word, "--", 2) != 0 || strncmp(word + 2, name, n) != 0) continue;
+        if (word[2 + n] == '=') value = word + 3 + n;
+        else if (word[2 + n]) continue;
+        else if (i + 1 < *argc) value = argv[i + 1], used = 2;
+        if (!value) {
+            complain("--%s: the value is missing", name);
+            *good = false;
+            return NULL;
+        }
+        memmove(argv + i, argv + i + used, (size_t)(*argc - i - used + 1) * sizeof *argv);
+        *argc -= used;
+        return value;
+    }
+    return NULL;
+}
+
+static bool take_flag(int *argc, char **argv, const char *word) {
+    for (int i = 1; i < *argc; i++) {
+        if (strcmp(argv[i], word) != 0) continue;
+        memmove(argv + i, argv + i + 1, (size_t)(*argc - i) * sizeof *argv);
+        --*argc;
+        return true;
+    }
+    return false;
+}
+
+/* What is left must be `operands` words that are no options. */
+static bool nothing_else(int argc, char **argv, int operands, const char *usage) {
+    for (int i = 1; i < argc; i++)
+        if (*argv[i] == '-') {
+            complain("'%.80s' is not an option here\n%s", argv[i], usage);
+            return false;
+        }
+    if (argc - 1 != operands) complain("%d word(s) too %s\n%s", abs(argc - 1 - operands), argc - 1 > operands ? "many" : "few", usage);
+    return argc - 1 == operands;
+}
+
+/* 12h, 30d, 52w: milliseconds; -1 if it is no such thing. */
+static json_int_t read_life(const char *text) {
+    static const struct {
+        char unit;
+        json_int_t ms;
+    } units[] = {{'s', 1000}, {'m', 60000}, {'h', 3600000}, {'d', 86400000}, {'w', 604800000}};
+    char *end;
+    long n = strtol(text, &end, 10);
+    for (size_t i = 0; i < sizeof units / sizeof *units; i++)
+        if (*text >= '0' && *text <= '9' && end[0] == units[i].unit && !end[1] && n > 0 && n <= 100000) return n * units[i].ms;
+    return -1;
+}
+
+/* The settings that the daemon has, for its data folder. False after a message. */
+static bool load(bw_config *config, int *argc, char **argv) {
+    char error[BW_CONFIG_ERROR];
+    bw_ask ask;
+    if (bw_config_load(config, argc, argv, true, &ask, error) && bw_config_make_data(config, error)) return true;
+    complain("%s", error);
+    return false;
+}
+
+static json_t *ask(const bw_config *config, json_t *request) {
+    char error[BW_ADMIN_ERROR];
+    json_t *answer = request ? bw_admin_ask(config->data, request, error) : NULL;
+    if (!answer) complain("%s", request ? error : "out of memory, or a word is no UTF-8");
+    return answer;
+}
+
+/* ---- token ---- */
+
+static int create(const bw_config *config, int argc, char **argv) {
+    bool good = true;
+    const char *owner = take_option(&argc, argv, "owner", &good), *scopes = take_option(&argc, argv, "scopes", &good);
+    const char *expires = take_option(&argc, argv, "expires", &good), *note = take_option(&argc, argv, "note", &good);
+    if (!scopes) scopes = "submit,read";
+    json_int_t life = expires ? read_life(expires) : 0;
+    if (!good || !nothing_else(argc, argv, 0, token_usage)) return USAGE;
+    if (!owner || !bw_is_owner_name(owner))
+        return complain("--owner NAME: 1 to 64 of A-Z a-z 0-9 . _ @ + -, a letter or digit first");
+    if (!bw_scopes_parse(scopes)) return complain("--scopes '%.80s': some of submit,read,read-all,admin", scopes);
+    if (life < 0) return complain("--expires '%.80s': examples are 12h, 30d, 52w", expires);
+    json_t *answer = ask(config, json_pack("{s:s, s:s, s:s, s:s, s:I}", "command", "token create", "owner", owner, "scopes", scopes,
+                                           "note", note ? note : "", "expires_ms", life));
+    if (!answer) return FAILED;
+    const char *id = json_string_value(json_object_get(answer, "id")), *until = json_string_value(json_object_get(answer, "expires"));
+    fprintf(stderr, "blockwrightd: token %s of %s (%s), %s%s. It is shown this once:\n", id ? id : "?", owner, scopes,
+            until ? "valid until " : "without an end", until ? until : "");
+    printf("%s\n", json_string_value(json_object_get(answer, "token")));
+    json_decref(answer);
+    return DONE;
+}
+
+static const char *text_of(const json_t *object, const char *name) {
+    const char *text = json_string_value(json_object_get(object, name));
+    return text ? text : "-";
+}
+
+static void print_token(const json_t *t) {
+    char scopes[80] = "";
+    const json_t *scope;
+    size_t i;
+    json_array_foreach(json_object_get(t, "scopes"), i, scope) {
+        size_t n = strlen(scopes);
+        snprintf(scopes + n, sizeof scopes - n, "%s%s", i ? "," : "", json_string_value(scope));
+    }
+    printf("%-12s  %-8s  %-20s  %-28s  %-24s  %-24s  %s\n", text_of(t, "id"), text_of(t, "state"), text_of(t, "owner"), scopes,
+           text_of(t, "created"), text_of(t, "expires"), text_of(t, "note"));
+}
+
+static int list(const bw_config *config, int argc, char **argv) {
+    bool raw = take_flag(&argc, argv, "--json");
+    const json_t *token;
+    size_t i;
+    if (!nothing_else(argc, argv, 0, token_usage)) return USAGE;
+    json_t *answer = ask(config, json_pack("{s:s}", "command", "token list"));
+    if (!answer) return FAILED;
+    if (raw) json_dumpf(answer, stdout, JSON_INDENT(1)), putchar('\n');
+    else {
+        printf("%-12s  %-8s  %-20s  %-28s  %-24s  %-24s  %s\n", "ID", "STATE", "OWNER", "SCOPES", "CREATED", "EXPIRES", "NOTE");
+        json_array_foreach(json_object_get(answer, "tokens"), i, token) print_token(token);
+    }
+    json_decref(answer);
+    return DONE;
+}
+
+static int revoke(const bw_config *config, int argc, char **argv) {
+    if (!nothing_else(argc, argv, 1, token_usage)) return USAGE;
+    json_t *answer = ask(config, json_pack("{s:s, s:s}", "command", "token revoke", "id", argv[1]));
+    if (!answer) return FAILED;
+    fprintf(stderr, "blockwrightd: token %s is revoked\n", argv[1]);
+    json_decref(answer);
+    return DONE;
+}
+
+int bw_command_token(int argc, char **argv) {
+    static const struct {
+        const char *word;
+        int (*run)(const bw_config *config, int argc, char **argv);
+    } verbs[] = {{"create", create}, {"list", list}, {"revoke", revoke}};
+    static bw_config config;
+    if (argc < 2 || strcmp(argv[1], "--help") == 0) {
+        fputs(token_usage, argc < 2 ? stderr : stdout);
+        return argc < 2 ? USAGE : DONE;
+    }
+    for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
+        if (strcmp(argv[1], verbs[i].word) != 0) continue;
+        argc--, argv++;
+        return load(&config, &argc, argv) ? verbs[i].run(&config, argc, argv) : USAGE;
+    }
+    return complain("there is no 'token %.40s'\n%s", argv[1], token_usage);
+}

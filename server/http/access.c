@@ -1,0 +1,225 @@
+#include "server/http/access.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "server/clock.h"
+#include "server/failure.h"
+#include "server/http/reply.h"
+#include "server/log.h"
+
+/* ---- a daemon without tokens ---- */
+
+/* The name in "NAME:PORT", without the brackets of IPv6. False if it is too long to be meant. */
+static bool host_name(const char *host, char name[256]) {
+    bool six = *host == '[';
+    size_t n = six ? strcspn(++host, "]") : strcspn(host, ":");
+    if (n >= 256) return false;
+    memcpy(name, host, n);
+    name[n] = '\0';
+    return true;
+}
+
+static bool is_loopback_name(const char *name) {
+    struct in_addr four;
+    struct in6_addr six;
+    size_t n = strlen(name), end = sizeof ".localhost" - 1;
+    if (strcasecmp(name, "localhost") == 0 || (n > end && strcasecmp(name + n - end, ".localhost") == 0)) return true;
+    if (inet_pton(AF_INET, name, &four) == 1) return ntohl(four.s_addr) >> 24 == 127;
+    return inet_pton(AF_INET6, name, &six) == 1 && IN6_IS_ADDR_LOOPBACK(&six);
+}
+
+static bool is_listed(const char *list, const char *name) {
+    for (size_t n; *list; list += n + (list[n] == ',')) {
+        n = strcspn(list, ",");
+        if (strlen(name) == n && strncasecmp(list, name, n) == 0) return true;
+    }
+    return false;
+}
+
+/* A page whose site's name was made to point at 127.0.0.1 after it was loaded would be let through by the browser; but its requests
+ * say the name. */
+static bool is_for_us(const bw_request *r) {
+    char name[256];
+    const char *host = bw_request_header(r, "Host");
+    if (!host) return true;
+    return host_name(host, name) && (is_loopback_name(name) || is_listed(r->services->config->host_names, name));
+}
+
+/* A browser says which site's page asks. Reading is stopped by the browser, for nothing allows others to; simple POSTs are not. */
+static bool is_of_our_page(const bw_request *r) {
+    const char *origin = bw_request_header(r, "Origin"), *host = bw_request_header(r, "Host");
+    const char *method = bw_endpoints[r->op].method;
+    if (!origin || strcmp(method, "GET") == 0 || strcmp(method, "HEAD") == 0) return true;
+    const char *authority = strstr(origin, "://");
+    return authority && host && strcasecmp(authority + 3, host) == 0;
+}
+
+static bool check_place(bw_request *r) {
+    if (!is_for_us(r))
+        bw_reply_problem(r, BW_PROBLEM_WRONG_HOST, "a daemon without access tokens answers to names of this machine only, such as localhost; "
+                         "others can be set as host-names");
+    else if (!is_of_our_page(r))
+        bw_reply_problem(r, BW_PROBLEM_CROSS_ORIGIN, "pages of other sites may change nothing here");
+    return !r->reply;
+}
+
+/* ---- tokens ---- */
+
+static const char *client_of(const bw_request *r, char text[INET6_ADDRSTRLEN]) {
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    const struct sockaddr *from = info ? info->client_addr : NULL;
+    const void *raw = !from ? NULL : from->sa_family == AF_INET6 ? (const void *)&((const struct sockaddr_in6 *)(const void *)from)->sin6_addr
+                                                             : (const void *)&((const struct sockaddr_in *)(const void *)from)->sin_addr;
+    return raw && inet_ntop(from->sa_family, raw, text, INET6_ADDRSTRLEN) ? text : "-";
+}
+
+static void tell(const bw_request *r, const char *why) {
+    static _Atomic int64_t last;
+    static atomic_uint kept_back;
+    int64_t now = bw_mono_ms(), before = atomic_load(&last);
+    char address[INET6_ADDRSTRLEN];
+    if (now - before < 1000 || !atomic_compare_exchange_strong(&last, &before, now)) { /* a flood of them does not flood the log */
+        atomic_fetch_add(&kept_back, 1);
+        return;
+    }
+    bw_event(BW_WARN, "access.denied", "operation=%s why=%s token=%s client=%s kept_back=%u", bw_endpoints[r->op].id, why,
+             *r->caller.token ? r->caller.token : "-", client_of(r, address), atomic_exchange(&kept_back, 0));
+}
+
+static void reply_unauthorized(bw_request *r, const char *why, const char *detail) {
+    char challenge[120];
+    tell(r, why);
+    bw_reply_problem(r, BW_PROBLEM_UNAUTHORIZED, "%s", detail);
+    snprintf(challenge, sizeof challenge, "Bearer realm=\"blockwright\"%s", strcmp(why, "none") == 0 ? "" : ", error=\"invalid_token\"");
+    bw_reply_header(r, "WWW-Authenticate", challenge);
+}
+
+static void reply_scope(bw_request *r, int scope, const char *detail) {
+    char challenge[160];
+    int i = 0;
+    while (!(scope & 1 << i)) i++;
+    tell(r, "scope");
+    json_t *problem = bw_problem_document(BW_PROBLEM_INSUFFICIENT_SCOPE, detail);
+    if (problem) json_object_set_new(problem, "scope", json_string(bw_scope_names[i]));
+    bw_reply_problem_json(r, BW_PROBLEM_INSUFFICIENT_SCOPE, problem);
+    snprintf(challenge, sizeof challenge, "Bearer realm=\"blockwright\", error=\"insufficient_scope\", scope=\"%s\"", bw_scope_names[i]);
+    bw_reply_header(r, "WWW-Authenticate", challenge);
+}
+
+/* The token of the Authorization header; NULL if there is none of the kind. */
+static const char *bearer(const bw_request *r) {
+    const char *value = bw_request_header(r, "Authorization");
+    if (!value || strncasecmp(value, "Bearer ", 7) != 0) return NULL;
+    return value + 7 + strspn(value + 7, " ");
+}
+
+static bool check_token(bw_request *r) {
+    int wanted = bw_endpoints[r->op].scope;
+    const char *secret = bearer(r);
+    bw_recognized is = secret ? bw_access_recognize(r->services->access, secret, bw_now_ms(), &r->caller) : BW_UNKNOWN;
+    if (!wanted) return true;
+    if (!secret) reply_unauthorized(r, "none", "this wants an access token, as \"Authorization: Bearer TOKEN\"");
+    else if (is == BW_EXPIRED) reply_unauthorized(r, "expired", "the access token has expired");
+    else if (is != BW_KNOWN) reply_unauthorized(r, is == BW_REVOKED ? "revoked" : "unknown", "the access token is not valid");
+    else if (!bw_scopes_allow(r->caller.scopes, wanted)) reply_scope(r, wanted, "the access token has not the scope that this wants");
+    return !r->reply;
+}
+
+/* ---- whose it is ---- */
+
+static bool sees_all(const bw_request *r) { return r->caller.scopes & (BW_SCOPE_READ_ALL | BW_SCOPE_ADMIN); }
+
+/* Of a job that the caller may not see nothing is said, not even that it is there. */
+static bool check_job(bw_request *r) {
+    char owner[BW_OWNER_TEXT];
+    bool found;
+    if (bw_queue_job_owner(r->services->queue, r->parameters[0], owner, &found) != BW_OK) {
+        bw_reply_storage(r);
+        return false;
+    }
+    bool own = found && strcmp(owner, r->caller.owner) == 0;
+    if (own || (found && r->caller.scopes & BW_SCOPE_ADMIN)) return true;
+    if (!found || !sees_all(r)) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_JOB, "there is no job '%.60s'", r->parameters[0]);
+    else if (bw_endpoints[r->op].scope != BW_SCOPE_READ) reply_scope(r, BW_SCOPE_ADMIN, "only its owner may change the job, or an admin");
+    return !r->reply;
+}
+
+bool bw_http_check_access(bw_request *r) {
+    if (bw_access_is_open(r->services->access)) {
+        r->caller = (bw_caller){.open = true, .scopes = (1 << BW_SCOPE_COUNT) - 1};
+        return check_place(r);
+    }
+    return check_token(r) && (!bw_endpoints[r->op].of_job || check_job(r));
+}
+
+bool bw_http_owner_wanted(bw_request *r, const char **owner) {
+    *owner = bw_request_query(r, "owner");
+    if (sees_all(r)) return true;
+    if (*owner && strcmp(*owner, r->caller.owner) != 0) {
+        reply_scope(r, BW_SCOPE_READ_ALL, "the access token shows its own owner's jobs only");
+        return false;
+    }
+    *owner = r->caller.owner;
+    return true;
+}
+
+/* ---- blobs ---- */
+
+int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes) {
+    bool owns = r->caller.open; /* then also what was uploaded before blobs had owners */
+    if (!owns && bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns) != BW_OK) owns = false;
+    return owns ? bw_store_open_blob(r->services->store, sha256, bytes) : -1;
+}
+
+typedef struct {
+    char owner[BW_OWNER_TEXT], sha256[BW_SHA256_TEXT];
+    bw_new_blob row;
+    bw_status status;
+    void (*then)(bw_request *r);
+} keeping;
+
+static void on_kept(void *user, bw_status status) {
+    bw_request *r = user;
+    ((keeping *)r->state)->status = status;
+    bw_request_resume(r);
+}
+
+static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, &((keeping *)((bw_request *)user)->state)->row); }
+
+static void kept(bw_request *r) {
+    keeping *k = r->state;
+    if (k->status != BW_OK) bw_reply_storage(r);
+    else k->then(r);
+}
+
+void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (*then)(bw_request *r)) {
+    keeping *k = calloc(1, sizeof *k);
+    if (!k) {
+        bw_reply_json(r, 500, NULL);
+        return;
+    }
+    memcpy(k->owner, r->caller.owner, sizeof k->owner);
+    snprintf(k->sha256, sizeof k->sha256, "%s", sha256);
+    k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms()};
+    k->then = then;
+    r->state = k;
+    r->state_free = free;
+    r->resume = kept;
+    bw_request_suspend(r);
+    if (bw_queue_post(r->services->queue, write_kept, r, on_kept) == BW_OK) return;
+    k->status = BW_E_MEMORY;
+    bw_request_resume(r);
+}
+
+const char *bw_http_kept_blob(const bw_request *r, uint64_t *bytes) {
+    const keeping *k = r->state;
+    *bytes = (uint64_t)k->row.bytes;
+    return k->sha256;
+}

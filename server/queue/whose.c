@@ -1,0 +1,42 @@
+/* Whose a job or a blob is. */
+#include <string.h>
+
+#include "server/queue/writer.h"
+
+bw_status bw_queue_job_owner(bw_queue *q, const char *id, char owner[BW_OWNER_TEXT], bool *found) {
+    bw_sql *reader = bw_reader_borrow(q);
+    sqlite3_stmt *stmt = reader ? bw_sql_query(reader, "SELECT owner FROM jobs WHERE id = ?1 UNION ALL"
+                                               " SELECT owner FROM gone WHERE id = ?1 LIMIT 1", "s", id) : NULL;
+    int step = stmt ? sqlite3_step(stmt) : SQLITE_ERROR;
+    *owner = '\0';
+    *found = step == SQLITE_ROW;
+    if (*found) bw_sql_put(owner, BW_OWNER_TEXT, stmt, 0);
+    else if (stmt && step != SQLITE_DONE) bw_sql_error(reader, "owner");
+    bw_sql_done(stmt);
+    bw_reader_return(q, reader);
+    return step == SQLITE_ROW || step == SQLITE_DONE ? BW_OK : BW_E_IO;
+}
+
+bw_status bw_queue_owns_blob(bw_queue *q, const char *owner, const char *sha256, bool *owns) {
+    int64_t known = 0;
+    bw_sql *reader = bw_reader_borrow(q);
+    bw_status status = reader ? bw_sql_number(reader, &known, 0, "SELECT 1 FROM blobs WHERE sha256 = ? AND owner = ?", "ss", sha256, owner)
+                              : BW_E_IO;
+    bw_reader_return(q, reader);
+    *owns = known != 0;
+    return status;
+}
+
+bw_status bw_write_blob(bw_writer *w, void *user) {
+    bw_new_blob *b = user;
+    bw_owner has;
+    int64_t added;
+    b->fits = true;
+    bw_status status = bw_owner_blob_bytes(w, b->owner, b->sha256, b->bytes, &added);
+    if (status == BW_OK && b->most) {
+        status = bw_owner_read(&w->sql, b->owner, &has);
+        b->fits = added == 0 || has.bytes + added <= b->most;
+    }
+    if (status != BW_OK || !b->fits) return status;
+    return bw_owner_use_blob(w, b->owner, b->sha256, b->bytes, b->now);
+}
