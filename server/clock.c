@@ -12,6 +12,12 @@ static int64_t read_clock(clockid_t id) {
 int64_t bw_now_ms(void) { return read_clock(CLOCK_REALTIME); }
 int64_t bw_mono_ms(void) { return read_clock(CLOCK_MONOTONIC); }
 
+int64_t bw_mono_us(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
+}
+
 char *bw_time_text(int64_t ms, char text[BW_TIME_TEXT]) {
     time_t seconds = (time_t)(ms / 1000);
     struct tm tm;

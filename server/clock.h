@@ -8,6 +8,7 @@ enum { BW_TIME_TEXT = 32 };
 
 int64_t bw_now_ms(void);
 int64_t bw_mono_ms(void);
+int64_t bw_mono_us(void); /* for measuring */
 /* RFC 3339 in UTC with milliseconds, e.g. 2026-01-31T09:05:07.123Z. Returns text. */
 char *bw_time_text(int64_t ms, char text[BW_TIME_TEXT]);
 

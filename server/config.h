@@ -52,7 +52,11 @@ typedef struct {
     _Atomic uint64_t stage_output;     /* bytes of one file a stage may write */
     atomic_int stage_cpu_seconds, stage_wall_seconds;
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
-    atomic_int log_level, log_format; /* log.h */
+    atomic_int log_level, log_format, log_requests; /* log.h, http/account.c */
+    atomic_int probe_interval_ms;                   /* from here on: health.h */
+    _Atomic uint64_t ready_disk_warn, ready_disk_fail; /* bytes */
+    atomic_int ready_fsync_warn_ms, ready_fsync_fail_ms;
+    atomic_int ready_queue_warn_seconds, ready_queue_fail_seconds; /* 0: never */
     bw_origin origins[BW_SETTINGS_MOST]; /* by index in bw_settings; read and written by the main thread only */
 } bw_config;
 

@@ -19,6 +19,7 @@
 #include "server/failure.h"
 #include "server/joboptions.h"
 #include "server/log.h"
+#include "server/metrics.h"
 #include "server/worker/spawner.h"
 #include "server/worker/worker_proto.h"
 
@@ -253,6 +254,8 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     pthread_mutex_unlock(&d->lock);
     snprintf(s->key, sizeof s->key, "%s", key);
     s->token = ++d->tokens;
+    bw_count(BW_METRIC_CLAIMS, s->job.stage, 0, 1);
+    if (s->job.tries == 1) bw_count(BW_METRIC_CACHE_MISSES, s->job.stage, 0, 1);
     s->started = bw_mono_ms();
     s->deadline = s->started + (int64_t)d->config->stage_wall_seconds * 1000;
     s->kill_at = 0;
@@ -288,10 +291,12 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job, bool *taken) {
             if (s->busy) bw_watch_notify(d->watch, s->job.id);
             break;
         }
-        bool results = job->stage == BW_API_STAGE_COUNT - 1;
+        int stage = job->stage;
+        bool results = stage == BW_API_STAGE_COUNT - 1;
         status = bw_queue_reuse(d->queue, job, results ? key : "", bw_now_ms(), &done);
         *taken = *taken || done;
         if (status != BW_OK || !done) continue;
+        bw_count(BW_METRIC_CACHE_HITS, stage, 0, 1);
         bw_event(BW_INFO, job->state == BW_JOB_SUCCESSFUL ? "job.successful" : "stage.reused", "job=%s attempt=%d",
                  job->id, job->attempt);
         bw_watch_notify(d->watch, job->id);
@@ -363,6 +368,7 @@ static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char
     const char *message = detail ? detail : json_string_value(json_object_get(error, "message"));
     snprintf(line, sizeof line, "%s: %.500s", code, message ? message : "");
     log_text(s, line);
+    bw_count(BW_METRIC_FAILURES, (int)problem, 0, 1);
     if (retry) {
         status = bw_queue_retry(d->queue, s->job.id, s->job.attempt, code, now + (RETRY_PAUSE_MS << s->job.tries), now,
                                 &done);
@@ -456,6 +462,12 @@ static bw_status judge(bw_dispatch *d, slot *s, int wait_status) {
 
 /* ---- the loop ---- */
 
+static void measure(const slot *s, const bw_spawn_report *exit) {
+    bw_observe(BW_METRIC_STAGE_SECONDS, s->job.stage, bw_mono_ms() - s->started);
+    bw_observe(BW_METRIC_STAGE_PEAK, s->job.stage, exit->peak_bytes);
+    bw_count(BW_METRIC_STAGE_CPU, s->job.stage, 0, (uint64_t)exit->cpu_ms);
+}
+
 static bw_status read_spawner(bw_dispatch *d) {
     bw_spawn_report r;
     bw_status status = BW_OK;
@@ -465,6 +477,7 @@ static bw_status read_spawner(bw_dispatch *d) {
         for (int i = 0; i < d->config->workers; i++) {
             slot *s = &d->slots[i];
             if (!s->busy || s->token != r.token) continue;
+            measure(s, &r);
             status = judge(d, s, r.wait_status);
             break;
         }
@@ -604,11 +617,12 @@ void bw_dispatch_drain(bw_dispatch *d) {
 
 bool bw_dispatch_draining(bw_dispatch *d) { return atomic_load(&d->draining); }
 
-bool bw_dispatch_busy(bw_dispatch *d) {
+int bw_dispatch_running(bw_dispatch *d) {
+    int running = 0;
     pthread_mutex_lock(&d->lock);
-    bool busy = any_busy(d);
+    for (int i = 0; i < d->config->workers; i++) running += d->slots[i].busy;
     pthread_mutex_unlock(&d->lock);
-    return busy;
+    return running;
 }
 
 void bw_dispatch_stop(bw_dispatch *d) {

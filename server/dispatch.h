@@ -43,7 +43,7 @@ uint64_t bw_dispatch_turns(bw_dispatch *dispatch); /* rounds of the loop; one fo
 /* Claims nothing any more, for good. What runs goes on, and its outputs are filed. */
 void bw_dispatch_drain(bw_dispatch *dispatch);
 bool bw_dispatch_draining(bw_dispatch *dispatch);
-bool bw_dispatch_busy(bw_dispatch *dispatch); /* whether any stage is running */
+int bw_dispatch_running(bw_dispatch *dispatch); /* how many stages are running */
 /* Ends the running attempts (given back to the queue), joins the thread and frees. */
 void bw_dispatch_stop(bw_dispatch *dispatch);
 

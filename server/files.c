@@ -11,7 +11,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "server/clock.h"
 #include "server/log.h"
+#include "server/metrics.h"
 
 static bw_status judge(int result, const char *what) {
     if (result == 0) return BW_OK;
@@ -21,12 +23,20 @@ static bw_status judge(int result, const char *what) {
     abort();
 }
 
-bw_status bw_sync(int fd, const char *what) { return judge(fdatasync(fd), what); }
+static int timed(int (*sync)(int), int fd) {
+    int64_t start = bw_mono_us();
+    int result = sync(fd), error = errno;
+    bw_observe(BW_METRIC_FSYNC_SECONDS, 0, bw_mono_us() - start);
+    errno = error;
+    return result;
+}
+
+bw_status bw_sync(int fd, const char *what) { return judge(timed(fdatasync, fd), what); }
 
 bw_status bw_sync_path(const char *path) {
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0) return BW_E_IO;
-    bw_status status = judge(fsync(fd), path);
+    bw_status status = judge(timed(fsync, fd), path);
     close(fd);
     return status;
 }

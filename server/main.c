@@ -25,6 +25,7 @@
 #include "server/config.h"
 #include "server/dispatch.h"
 #include "server/files.h"
+#include "server/health.h"
 #include "server/http/http.h"
 #include "server/log.h"
 #include "server/notify.h"
@@ -172,7 +173,7 @@ static bw_status drain(int signals, int fatal, bw_dispatch *dispatch) {
     bw_notify("STOPPING=1");
     bw_event(BW_INFO, "daemon.draining", "grace_ms=%d", grace);
     bw_dispatch_drain(dispatch);
-    for (int64_t now = start; now < start + grace && bw_dispatch_busy(dispatch); now = bw_mono_ms()) {
+    for (int64_t now = start; now < start + grace && bw_dispatch_running(dispatch); now = bw_mono_ms()) {
         if (watchdog && now >= pat) pat_watchdog(dispatch), pat = now + watchdog;
         switch (watch(signals, fatal, DRAIN_LOOK_MS)) {
         case NOTHING: break;
@@ -222,11 +223,14 @@ static bw_status serve(int spawner) {
     if (status == BW_OK)
         what = "dispatcher", status = bw_dispatch_start(&config, services.store, services.queue, services.watch, spawner,
                                                         fatal, &services.dispatch);
+    if (status == BW_OK)
+        what = "health", status = bw_health_start(&config, services.store, services.queue, services.dispatch, &services.health);
     if (status == BW_OK) what = "listening", status = bw_http_start(&services, &http, address, sizeof address);
     if (status == BW_OK) what = "address file", status = announce(address);
     if (status == BW_OK) what = "serving", status = serve_until_stopped(signals, fatal, services.dispatch);
     if (status != BW_OK) bw_event(BW_ERROR, "daemon.failed", "what=\"%s\" status=%d", what, (int)status);
     bw_http_stop(http);
+    bw_health_stop(services.health);
     bw_dispatch_stop(services.dispatch);
     bw_watch_close(services.watch);
     bw_admin_stop(admin);

@@ -47,6 +47,20 @@ const bw_setting bw_settings[] = {
      "how long running stages may go on after SIGTERM before they are given back to the queue"},
     {"log-level", CHOICE(log_level, "debug info warn error"), "info", true, "LEVEL", "least level that is logged"},
     {"log-format", CHOICE(log_format, "logfmt json"), "logfmt", true, "FORMAT", "how a line of the log is written"},
+    {"log-requests", CHOICE(log_requests, "none failed all"), "all", true, "WHICH",
+     "requests that are logged; failed ones are those answered with 500 and above"},
+    {"probe-interval", MILLISECONDS(probe_interval_ms, 50, DAY * 1000), "10s", true, "TIME",
+     "how often a small file is synced to see how the disk is"},
+    {"ready-disk-warn", SIZE(ready_disk_warn), "1G", true, "SIZE", "/readyz warns when less of the disk is free"},
+    {"ready-disk-fail", SIZE(ready_disk_fail), "64M", true, "SIZE", "/readyz says 503 when less of the disk is free"},
+    {"ready-fsync-warn", MILLISECONDS(ready_fsync_warn_ms, 1, DAY * 1000), "500ms", true, "TIME",
+     "/readyz warns when a sync took as long in the last 5 minutes"},
+    {"ready-fsync-fail", MILLISECONDS(ready_fsync_fail_ms, 1, DAY * 1000), "10s", true, "TIME",
+     "/readyz says 503 when the last sync took as long, or has not returned for as long"},
+    {"ready-queue-warn", SECONDS(ready_queue_warn_seconds, 0, 365 * DAY), "1h", true, "TIME",
+     "/readyz warns when a job has waited as long for its first stage; 0: never"},
+    {"ready-queue-fail", SECONDS(ready_queue_fail_seconds, 0, 365 * DAY), "0s", true, "TIME",
+     "/readyz says 503 when a job has waited as long for its first stage; 0: never"},
 };
 const size_t bw_setting_count = sizeof bw_settings / sizeof *bw_settings;
 _Static_assert(sizeof bw_settings / sizeof *bw_settings <= BW_SETTINGS_MOST, "raise BW_SETTINGS_MOST");

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "server/files.h"
+#include "server/metrics.h"
 
 enum { RESULTS_MOST = 1000, NAME_MOST = 100 };
 
@@ -92,6 +93,7 @@ bw_status bw_upload_begin(bw_store *store, bw_upload **out) {
 
 bw_status bw_upload_write(bw_upload *u, const void *data, size_t size) {
     if (!bw_digest_add(u->digest, data, size)) return BW_E_INTERNAL;
+    bw_count(BW_METRIC_UPLOAD_BYTES, 0, 0, size);
     for (const char *at = data; size;) {
         ssize_t n = write(u->fd, at, size);
         if (n < 0 && errno == EINTR) continue;
@@ -321,6 +323,7 @@ bw_status bw_attempt_publish(bw_store *store, const char *job, int attempt, cons
     if (status == BW_OK) status = file_away(from, to);
     if (status == BW_OK) {
         *manifest = list;
+        bw_count(BW_METRIC_CACHE_BYTES, 0, 0, *bytes);
         return BW_OK;
     }
     json_decref(list);

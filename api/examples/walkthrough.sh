@@ -14,6 +14,7 @@ step() {
 
 step live.sh
 step ready.sh
+step metrics.sh
 step blob_put.sh
 step blob_head.sh
 step job_create_parameters.sh

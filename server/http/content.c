@@ -126,6 +126,7 @@ typedef struct {
     const char *at; /* what is left in `in`, or of content.data */
     size_t left;
     bool done;
+    uint64_t *sent; /* of the request, which outlives the reply's reader */
     char in[CHUNK];
 } coded;
 
@@ -154,6 +155,7 @@ static ssize_t read_coded(void *user, uint64_t at, char *out, size_t room) {
         if (bw_pack(s->packer, &s->at, &s->left, s->taken == s->content.bytes, out, room, &written, &s->done) != BW_OK)
             return MHD_CONTENT_READER_END_WITH_ERROR;
     }
+    *s->sent += written;
     return written ? (ssize_t)written : MHD_CONTENT_READER_END_OF_STREAM;
 }
 
@@ -164,7 +166,7 @@ static void free_coded(void *user) {
     free(s);
 }
 
-static struct MHD_Response *make_coded(const bw_content *c, bw_coding coding) {
+static struct MHD_Response *make_coded(bw_request *r, const bw_content *c, bw_coding coding) {
     coded *s = calloc(1, sizeof *s);
     bw_packer *packer = s ? bw_packer_new(coding, c->bytes) : NULL;
     if (!packer) {
@@ -174,6 +176,7 @@ static struct MHD_Response *make_coded(const bw_content *c, bw_coding coding) {
     }
     s->content = *c;
     s->packer = packer;
+    s->sent = &r->sent;
     struct MHD_Response *response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, CHUNK, read_coded, s, free_coded);
     if (!response) free_coded(s);
     return response;
@@ -268,10 +271,11 @@ void bw_reply_content(bw_request *r, unsigned status, const bw_content *c) {
     } else if (range == RANGE_OUTSIDE) {
         refuse_range(r, c->bytes);
     } else {
-        bw_reply_made(r, s.partial ? 206 : status, s.coding ? make_coded(c, s.coding) : make_plain(c, s.first, s.size), c->media_type);
+        bw_reply_made(r, s.partial ? 206 : status, s.coding ? make_coded(r, c, s.coding) : make_plain(c, s.first, s.size), c->media_type);
         add_headers(r, c, &s);
         r->sized = true;
         r->reply_bytes = s.size;
+        if (!s.coding && !r->head) r->sent = s.size;
         if (c->sha256 && !s.coding) add_digest(r, c->sha256);
     }
 }

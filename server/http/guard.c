@@ -9,6 +9,7 @@
 
 #include "server/clock.h"
 #include "server/log.h"
+#include "server/metrics.h"
 
 enum { LOOK_MS = 500 };
 
@@ -122,6 +123,7 @@ static void begin(bw_guard *g, struct MHD_Connection *connection, void **context
 void bw_guard_on_connection(void *user, struct MHD_Connection *connection, void **context, enum MHD_ConnectionNotificationCode code) {
     bw_guard *g = user;
     bw_guarded *c = *context;
+    bw_gauge_add(BW_METRIC_CONNECTIONS, 0, code == MHD_CONNECTION_NOTIFY_STARTED ? 1 : -1);
     if (code == MHD_CONNECTION_NOTIFY_STARTED) {
         begin(g, connection, context);
     } else if (c) {

@@ -1,33 +1,47 @@
 #include "server/http/operations.h"
 
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "bw_page.h"
 #include "server/failure.h"
+#include "server/http/content.h"
 #include "server/http/reply.h"
+#include "server/metrics.h"
 #include "server/worker/spawner.h"
 
 void bw_http_live(bw_request *r) { bw_reply_json(r, 200, json_pack("{s:s}", "version", BW_VERSION)); }
 
 void bw_http_ready(bw_request *r) {
     const bw_services *s = r->services;
-    bool queue = bw_queue_healthy(s->queue), dispatch = bw_dispatch_alive(s->dispatch);
-    bool storage = bw_store_room(s->store) >= BW_ROOM_KEPT, worker = access(s->config->worker, X_OK) == 0;
-    bool drains = bw_dispatch_draining(s->dispatch), all = queue && dispatch && storage && worker && !drains;
-    json_t *checks = json_pack("{s:s, s:s, s:s, s:s}", "queue", queue ? "ok" : "the database does not read or write",
-                               "dispatcher", !dispatch ? "it has stopped" : drains ? "it is draining, the daemon is about to stop" : "ok", "storage",
-                               storage ? "ok" : "the disk is full", "worker", worker ? "ok" : "the program cannot be run");
+    bw_verdict worst;
+    json_t *checks = bw_health_checks(s->health, &worst);
+    bool ready = worst != BW_VERDICT_FAIL;
     json_t *limits = json_pack("{s:b, s:b, s:b, s:b, s:I, s:i, s:i}", "address_space", bw_spawner_limits_memory(),
                                "no_new_privileges", 1, "seccomp", 0, "landlock", 0, "stage_memory",
                                (json_int_t)s->config->stage_memory, "stage_cpu_seconds", s->config->stage_cpu_seconds,
                                "stage_wall_seconds", s->config->stage_wall_seconds);
-    json_t *body = all ? json_object() : bw_problem_document(BW_PROBLEM_NOT_READY, "see checks");
-    json_object_set_new(body, "ready", json_boolean(all));
+    json_t *body = ready ? json_object() : bw_problem_document(BW_PROBLEM_NOT_READY, "see checks");
+    json_object_set_new(body, "ready", json_boolean(ready));
     json_object_set_new(body, "checks", checks);
     json_object_set_new(body, "limits", limits);
-    if (all) bw_reply_json(r, 200, body);
+    if (ready) bw_reply_json(r, 200, body);
     else bw_reply_problem_json(r, BW_PROBLEM_NOT_READY, body);
+}
+
+void bw_http_metrics(bw_request *r) {
+    char *text = NULL;
+    size_t size = 0;
+    bw_health_measure(r->services->health);
+    FILE *f = open_memstream(&text, &size);
+    if (f) bw_metrics_write(f);
+    if (!f || fclose(f) != 0) {
+        free(text);
+        bw_reply_json(r, 500, NULL);
+        return;
+    }
+    bw_reply_content(r, 200, &(bw_content){.fd = -1, .data = text, .owned = true, .bytes = size, .media_type = "text/plain; version=0.0.4; charset=utf-8"});
 }
 
 void bw_http_openapi(bw_request *r) { bw_reply_text(r, "application/json", bw_api_document, bw_api_document_size); }

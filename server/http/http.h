@@ -7,6 +7,7 @@
 #include "server/access.h"
 #include "server/config.h"
 #include "server/dispatch.h"
+#include "server/health.h"
 #include "server/queue/queue.h"
 #include "server/store.h"
 #include "server/watch.h"
@@ -18,6 +19,7 @@ typedef struct {
     bw_access *access;
     bw_watch *watch;
     bw_dispatch *dispatch;
+    bw_health *health;
 } bw_services; /* all borrowed */
 
 typedef struct bw_http bw_http;

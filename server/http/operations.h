@@ -33,6 +33,7 @@ void bw_http_result_get(bw_request *request);
 /* health.c */
 void bw_http_live(bw_request *request);
 void bw_http_ready(bw_request *request);
+void bw_http_metrics(bw_request *request);
 void bw_http_openapi(bw_request *request);
 void bw_http_page(bw_request *request);
 void bw_http_page_file(bw_request *request);

@@ -7,8 +7,10 @@
 
 #include "server/clock.h"
 #include "server/http/access.h"
+#include "server/http/account.h"
 #include "server/http/reply.h"
 #include "server/http/routes.h"
+#include "server/metrics.h"
 
 enum { DRAIN_MOST = 16 << 20, ROOM_CHECK = 16 << 20 };
 
@@ -204,7 +206,10 @@ static bw_request *new_request(bw_traffic *traffic, struct MHD_Connection *conne
     r->connection = connection;
     r->guarded = bw_guard_find(connection);
     bw_guard_work(r->guarded);
+    r->op = BW_OP_COUNT; /* until it is found */
     r->started = bw_mono_ms();
+    r->started_us = bw_mono_us();
+    bw_gauge_add(BW_METRIC_REQUESTS_ACTIVE, 0, 1);
     pthread_mutex_lock(&traffic->lock);
     traffic->active++;
     pthread_mutex_unlock(&traffic->lock);
@@ -237,9 +242,10 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
 void bw_request_on_end(void *user, struct MHD_Connection *connection, void **state, enum MHD_RequestTerminationCode code) {
     bw_traffic *traffic = user;
     bw_request *r = *state;
-    (void)connection, (void)code;
+    (void)connection;
     if (!r) return;
     bw_guard_next(r->guarded);
+    bw_request_account(r, code != MHD_REQUEST_TERMINATED_COMPLETED_OK);
     bw_upload_abort(r->upload);
     bw_unpacker_free(r->unpacker);
     if (r->reply) MHD_destroy_response(r->reply);

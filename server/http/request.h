@@ -53,7 +53,8 @@ typedef struct bw_request {
     uint64_t length;                       /* Content-Length */
     uint64_t received;                     /* of the body, as it came */
     bw_unpacker *unpacker;                 /* NULL: the body is not coded */
-    int64_t started;
+    uint64_t sent;                         /* of the answer's content, as it was made ready to go */
+    int64_t started, started_us;           /* bw_mono_ms, bw_mono_us */
     char *body; /* NUL-terminated; NULL until the first byte */
     size_t body_size, body_room;
     bw_upload *upload;

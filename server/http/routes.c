@@ -20,6 +20,7 @@ const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_RESULT_GET] = {NULL, bw_http_result_get},
     [BW_OP_LIVE] = {NULL, bw_http_live},
     [BW_OP_READY] = {NULL, bw_http_ready},
+    [BW_OP_METRICS] = {NULL, bw_http_metrics},
     [BW_OP_OPENAPI] = {NULL, bw_http_openapi},
     [BW_OP_PAGE] = {NULL, bw_http_page},
     [BW_OP_PAGE_FILE] = {NULL, bw_http_page_file},

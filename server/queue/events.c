@@ -1,12 +1,16 @@
 /* The journal: one row for every change of a job's state or stage, written with that change. */
 #include "server/queue/writer.h"
 
+#include <string.h>
+
 bw_status bw_event_add(bw_writer *w, const char *id, const char *kind, const char *outcome, int64_t now, int64_t *seq) {
     bw_status status = bw_sql_run(&w->sql, NULL,
                                   "INSERT INTO events (job, kind, data, at) SELECT id, ?1, CASE WHEN ?2 IS NULL THEN json_object("
                                   BW_EVENT_DATA("state") ") ELSE json_object(" BW_EVENT_DATA("state") ", 'outcome', ?2) END, ?3"
                                   " FROM jobs WHERE id = ?4", "ssis", kind, outcome, now, id);
     if (seq) *seq = sqlite3_last_insert_rowid(w->sql.db);
+    w->tally.accepted += strcmp(kind, "queued") == 0;
+    for (int i = BW_JOB_SUCCESSFUL; i < BW_JOB_COUNT; i++) w->tally.ended[i] += strcmp(kind, bw_job_state_names[i]) == 0;
     return status;
 }
 

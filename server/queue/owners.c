@@ -37,3 +37,22 @@ bw_status bw_owner_use_blob(bw_writer *w, const char *owner, const char *sha256,
     return bw_sql_run(&w->sql, NULL, "INSERT INTO blobs (sha256, owner, bytes, created, used) VALUES (?1, ?2, ?3, ?4, ?4)"
                       " ON CONFLICT (sha256, owner) DO UPDATE SET used = excluded.used", "ssii", sha256, owner, bytes, now);
 }
+
+bw_status bw_queue_load(bw_queue *q, bw_load *load) {
+    memset(load, 0, sizeof *load);
+    bw_sql *reader = bw_reader_borrow(q);
+    sqlite3_stmt *stmt = reader ? bw_sql_query(reader, "SELECT total(waiting), total(running), total(finished),"
+                                               " ifnull((SELECT created FROM jobs WHERE state = 0 ORDER BY seq LIMIT 1), 0) FROM owners", "")
+                                : NULL;
+    bool row = stmt && sqlite3_step(stmt) == SQLITE_ROW;
+    if (row) {
+        load->waiting = sqlite3_column_int64(stmt, 0);
+        load->running = sqlite3_column_int64(stmt, 1);
+        load->ended = sqlite3_column_int64(stmt, 2);
+        load->oldest = sqlite3_column_int64(stmt, 3);
+    }
+    bw_status status = row ? BW_OK : reader ? bw_sql_error(reader, "load") : BW_E_IO;
+    bw_sql_done(stmt);
+    bw_reader_return(q, reader);
+    return status;
+}

@@ -154,6 +154,11 @@ typedef struct {
     int64_t bytes;                      /* of the blobs that its jobs name, each once */
     int64_t served;                     /* its last turn: number of the event of its last claim or reuse; 0: none */
 } bw_owner;
+typedef struct {
+    int64_t waiting, running, ended; /* jobs of all owners */
+    int64_t oldest;                  /* when the oldest of those was accepted that no stage has begun of, or that pause; 0: none */
+} bw_load;
+bw_status bw_queue_load(bw_queue *queue, bw_load *load); /* O(owners) */
 bw_status bw_queue_owner(bw_queue *queue, const char *owner, bw_owner *counts); /* zeros if it has nothing */
 
 /* ---- whose turn it is ---- */

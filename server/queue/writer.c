@@ -7,6 +7,7 @@
 
 #include "server/clock.h"
 #include "server/log.h"
+#include "server/metrics.h"
 
 /* The WAL in pages of 4 KiB: checkpointed as it grows by the first, cut to nothing beyond the second and when nothing was
  * written for a while. */
@@ -110,33 +111,35 @@ static size_t take(bw_queue *q, bw_write **batch, bool *stop) {
 
 static bw_status run_in_savepoint(bw_queue *q, bw_write *write) {
     bw_sql *sql = &q->writer.sql;
+    bw_tally before = q->writer.tally;
     bw_status status = bw_sql_run(sql, NULL, "SAVEPOINT one", "");
     if (status != BW_OK) return status;
     status = write->fn(&q->writer, write->user);
+    if (status != BW_OK) q->writer.tally = before;
     if (sqlite3_get_autocommit(sql->db)) return status; /* SQLite rolled everything back */
     if (status != BW_OK) bw_sql_run(sql, NULL, "ROLLBACK TO one", "");
     bw_status released = bw_sql_run(sql, NULL, "RELEASE one", "");
     return status != BW_OK ? status : released;
 }
 
-static int64_t micros(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
-}
-
 static bw_status commit(bw_queue *q) {
-    int64_t from = micros();
+    int64_t from = bw_mono_us(), us;
+    const bw_tally *tally = &q->writer.tally;
     bw_status status = bw_sql_run(&q->writer.sql, NULL, "COMMIT", "");
-    atomic_store(&q->commit_us, (uint64_t)(micros() - from));
-    if (status == BW_OK) atomic_fetch_add(&q->commits, 1);
-    return status;
+    atomic_store(&q->commit_us, (uint64_t)(us = bw_mono_us() - from));
+    if (status != BW_OK) return status;
+    atomic_fetch_add(&q->commits, 1);
+    bw_observe(BW_METRIC_COMMIT_SECONDS, 0, us);
+    bw_count(BW_METRIC_JOBS_ACCEPTED, 0, 0, tally->accepted);
+    for (int i = BW_JOB_SUCCESSFUL; i < BW_JOB_COUNT; i++) bw_count(BW_METRIC_JOBS_ENDED, i - BW_JOB_SUCCESSFUL, 0, tally->ended[i]);
+    return BW_OK;
 }
 
 /* One transaction for all. False: nothing of it is in the file, and no write's status counts. */
 static bool run_together(bw_queue *q, bw_write **batch, size_t n) {
     bw_sql *sql = &q->writer.sql;
     bool whole = bw_sql_run(sql, NULL, "BEGIN IMMEDIATE", "") == BW_OK;
+    q->writer.tally = (bw_tally){0};
     for (size_t i = 0; whole && i < n; i++) {
         batch[i]->status = run_in_savepoint(q, batch[i]);
         whole = !sqlite3_get_autocommit(sql->db);
@@ -149,6 +152,7 @@ static bool run_together(bw_queue *q, bw_write **batch, size_t n) {
 static void run_alone(bw_queue *q, bw_write *write) {
     bw_sql *sql = &q->writer.sql;
     write->status = bw_sql_run(sql, NULL, "BEGIN IMMEDIATE", "");
+    q->writer.tally = (bw_tally){0};
     if (write->status == BW_OK) write->status = write->fn(&q->writer, write->user);
     if (write->status == BW_OK) write->status = commit(q);
     atomic_store(&q->broken, write->status != BW_OK);

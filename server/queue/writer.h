@@ -9,8 +9,14 @@
 #include "server/queue/queue.h"
 #include "server/queue/sql.h"
 
+/* What the transaction at hand does to jobs, for the metrics: counted when it is durable. */
+typedef struct {
+    unsigned accepted, ended[BW_JOB_COUNT]; /* by state */
+} bw_tally;
+
 struct bw_writer {
     bw_sql sql;
+    bw_tally tally;
 };
 
 /* A write that waits for the writer thread. */

@@ -17,7 +17,7 @@
 
 enum { ANSWER_MOST = 1 << 20, PATIENCE_MS = 20 };
 
-static bw_config config = {.host_names = "x", .max_connections = 64, .max_connections_per_address = 64, .header_timeout_ms = 5000, .body_timeout_ms = 5000, .max_upload = 1 << 16, .stage_memory = 1 << 20, .stage_output = 1 << 20, .worker = "/bin/true"};
+static bw_config config = {.host_names = "x", .max_connections = 64, .max_connections_per_address = 64, .header_timeout_ms = 5000, .body_timeout_ms = 5000, .max_upload = 1 << 16, .stage_memory = 1 << 20, .stage_output = 1 << 20, .worker = "/bin/true", .probe_interval_ms = 10000};
 static struct sockaddr_in address = {.sin_family = AF_INET};
 static char folder[64];
 
@@ -41,6 +41,7 @@ static void start(void) {
     FUZZ_EXPECT(bw_store_open(folder, &services.store) == BW_OK && bw_queue_open(path, &services.queue) == BW_OK);
     FUZZ_EXPECT(bw_watch_open(&services.watch) == BW_OK && bw_access_open(services.queue, &services.access) == BW_OK);
     FUZZ_EXPECT(bw_dispatch_start(&config, services.store, services.queue, services.watch, pair[0], eventfd(0, 0), &services.dispatch) == BW_OK);
+    FUZZ_EXPECT(bw_health_start(&config, services.store, services.queue, services.dispatch, &services.health) == BW_OK);
     FUZZ_EXPECT(bw_http_start(&services, &http, text, sizeof text) == BW_OK);
     address.sin_addr = any.sin_addr;
     address.sin_port = htons((uint16_t)atoi(strrchr(text, ':') + 1));

@@ -263,7 +263,7 @@ static void the_daemon_tells_about_itself(void **state) {
     assert_int_equal(r.status, 200);
     json_t *ready = kit_json(&r);
     assert_true(json_is_true(json_object_get(ready, "ready")));
-    assert_string_equal(kit_text(json_object_get(ready, "checks"), "queue"), "ok");
+    assert_string_equal(kit_text(json_object_get(json_object_get(ready, "checks"), "queue"), "status"), "ok");
     json_decref(ready);
     r = kit_get(&d, "/openapi.json");
     json_t *document = kit_json(&r);

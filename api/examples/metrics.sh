@@ -1,0 +1,2 @@
+# GET /metrics: what Prometheus reads.
+curl -fsS "$base/metrics"
