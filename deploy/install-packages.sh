@@ -8,7 +8,7 @@ set -eu
 
 packages="
     build-essential cmake ninja-build pkg-config python3 python3-yaml ca-certificates
-    libjansson-dev libgmp-dev libexpat1-dev zlib1g-dev libdraco-dev libsqlite3-dev libmicrohttpd-dev libcurl4-openssl-dev libssl-dev
+    libjansson-dev libgmp-dev libexpat1-dev zlib1g-dev libdraco-dev libsqlite3-dev libmicrohttpd-dev libcurl4-openssl-dev libssl-dev libseccomp-dev
     coinor-libclp-dev coinor-libcbc-dev libsuitesparse-dev libzstd-dev libcgns-dev
     libcmocka-dev curl python3-meshio cgns-convert
 "

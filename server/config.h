@@ -50,7 +50,11 @@ typedef struct {
     _Atomic uint64_t max_upload;       /* bytes of one blob */
     _Atomic uint64_t stage_memory;     /* bytes a stage may take */
     _Atomic uint64_t stage_output;     /* bytes of one file a stage may write */
+    _Atomic uint64_t stage_scratch;    /* bytes of all files of a stage together */
+    _Atomic uint64_t memory;           /* bytes that the stages that run may need together */
     atomic_int stage_cpu_seconds, stage_wall_seconds;
+    atomic_int cancel_grace_ms; /* from SIGTERM to SIGKILL for a cancelled stage */
+    atomic_int require_sandbox; /* 1: no job is started in less than the whole sandbox */
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
     atomic_int log_level, log_format, log_requests; /* log.h, http/account.c */
     atomic_int probe_interval_ms;                   /* from here on: health.h */

@@ -6,14 +6,18 @@
  *  2. Outputs are filed in the cache before the queue hears of them, and only for the attempt that is still the job's.
  *  3. Once a finish is noted, a worker gets SIGUSR1 when it has said hello (or later, as soon as the note is seen). If its search
  *     was cut by that, the output is filed under a key with the job's id, as all that the job makes after it; nobody else is served it.
- *  4. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
+ *  4. Stages are started only while the memory they need (admission.h) is less than the daemon's share of it; one that needs more runs alone.
+ *  5. With --require-sandbox nothing is claimed until a worker has told of a complete sandbox; one is tried at the start.
+ *  6. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
  *
  * How an ended attempt is judged (judge() in dispatch.c), first match counts:
  *     the daemon is stopping                      interrupted, given back to the queue
  *     the job was cancelled                       dismissed
- *     out of wall time; SIGXCPU                   failed: time-limit
- *     SIGXFSZ                                     failed: output-limit
+ *     out of wall time                            failed: time-limit
+ *     its folder grew too large; it said too much failed: output-limit
  *     broke the protocol                          system: worker-protocol
+ *     SIGXCPU / SIGXFSZ                           failed: time-limit / output-limit
+ *     SIGSYS, from seccomp                        failed: sandbox-violation
  *     result with an error                        by the class of its code (input, algorithm, limit: failed; system)
  *     result ok, exit code 0, output as expected  next stage
  *     anything else                               system: worker-died
@@ -26,6 +30,7 @@
 #include "server/queue/queue.h"
 #include "server/store.h"
 #include "server/watch.h"
+#include "server/worker/session.h"
 
 typedef struct bw_dispatch bw_dispatch;
 
@@ -35,9 +40,12 @@ typedef struct bw_dispatch bw_dispatch;
 bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *queue, bw_watch *watch, int spawner,
                             int fatal, bw_dispatch **dispatch);
 void bw_dispatch_wake(bw_dispatch *dispatch); /* a job was added, cancelled, or asked to finish */
-enum { BW_NOTE_TEXT = 201 };
 /* Progress of the running stage of a job and the best its search has found so far, 0 and "" if it does not run. */
 double bw_dispatch_progress(bw_dispatch *dispatch, const char *job, char note[BW_NOTE_TEXT]);
+/* Does the job's next stage wait until there is memory enough for it beside those that run? */
+bool bw_dispatch_waits_for_memory(bw_dispatch *dispatch, const char *job);
+/* What sandbox workers have here, as the last of them has told. */
+bw_sandbox bw_dispatch_sandbox(bw_dispatch *dispatch);
 bool bw_dispatch_alive(bw_dispatch *dispatch);
 uint64_t bw_dispatch_turns(bw_dispatch *dispatch); /* rounds of the loop; one follows every wake */
 /* Claims nothing any more, for good. What runs goes on, and its outputs are filed. */

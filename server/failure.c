@@ -71,13 +71,15 @@ static void add_list(json_t *document, const json_t *error, const char *name, co
     json_decref(list);
 }
 
-char *bw_failure_json(bw_problem problem, const char *stage, const char *detail, const json_t *error) {
+char *bw_failure_json(bw_problem problem, const char *stage, const char *detail, const json_t *error, const bw_exceeded *exceeded) {
     if (!detail) detail = json_string_value(json_object_get(error, "message"));
     json_t *document = bw_problem_document(problem, detail);
     const char *class_ = bw_problem_types[problem].failure_class;
     if (!document) return NULL;
     json_object_set_new(document, "class", json_string(class_ ? class_ : "system"));
     json_object_set_new(document, "stage", json_string(stage));
+    if (exceeded)
+        json_object_set_new(document, "limit", json_pack("{s:s, s:I}", "what", exceeded->what, "allowed", (json_int_t)exceeded->allowed));
     add_list(document, error, "elements", "element_count", clean_element);
     add_list(document, error, "regions", "region_count", clean_region);
     char *text = json_dumps(document, JSON_COMPACT);

@@ -4,6 +4,7 @@
 
 #include <jansson.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "bw_api.h"
 
@@ -12,8 +13,14 @@ bw_problem bw_failure_problem(const char *code);
 bool bw_failure_retryable(bw_problem problem); /* of class system */
 /* A new problem document: {type, title, status, detail?}. */
 json_t *bw_problem_document(bw_problem problem, const char *detail);
+/* A limit that was exceeded: its name in the API ("memory", "cpu_seconds", ...) and how much was allowed, in bytes or seconds. */
+typedef struct {
+    const char *what;
+    uint64_t allowed;
+} bw_exceeded;
+
 /* The failure of a job as malloc'ed JSON. `error` is what the worker said ({message, element_count, elements}) or NULL;
- * `detail`, if not NULL, is used instead of its message. */
-char *bw_failure_json(bw_problem problem, const char *stage, const char *detail, const json_t *error);
+ * `detail`, if not NULL, is used instead of its message; `exceeded` may be NULL. */
+char *bw_failure_json(bw_problem problem, const char *stage, const char *detail, const json_t *error, const bw_exceeded *exceeded);
 
 #endif

@@ -14,7 +14,6 @@
 #include "server/clock.h"
 #include "server/log.h"
 #include "server/metrics.h"
-#include "server/worker/spawner.h"
 
 enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, DETAIL = 200 };
 
@@ -175,6 +174,13 @@ static bw_verdict check_worker(bw_health *h, char detail[DETAIL]) {
     return say(BW_VERDICT_FAIL, detail, "the program cannot be run: %s", strerrordesc_np(errno));
 }
 
+static bw_verdict check_sandbox(bw_health *h, char detail[DETAIL]) {
+    bw_sandbox sandbox = bw_dispatch_sandbox(h->dispatch);
+    bool complete = bw_sandbox_complete(&sandbox), required = h->config->require_sandbox;
+    return say(complete ? BW_VERDICT_OK : required ? BW_VERDICT_FAIL : BW_VERDICT_WARN, detail, "%s%s%s",
+               complete ? "complete" : "not complete: ", sandbox.missing, complete || !required ? "" : "; it is required, so no job is started");
+}
+
 static bw_verdict check_disk(bw_health *h, char detail[DETAIL]) {
     uint64_t room = bw_store_room(h->store), warn = h->config->ready_disk_warn, fail = h->config->ready_disk_fail;
     return say(room < fail ? BW_VERDICT_FAIL : room < warn ? BW_VERDICT_WARN : BW_VERDICT_OK, detail,
@@ -208,7 +214,7 @@ static const struct {
     bw_verdict (*check)(bw_health *h, char detail[DETAIL]);
 } checks[] = {
     {"queue", check_queue}, {"queue_age", check_queue_age}, {"dispatcher", check_dispatcher},
-    {"worker", check_worker}, {"disk", check_disk}, {"fsync", check_fsync},
+    {"worker", check_worker}, {"sandbox", check_sandbox}, {"disk", check_disk}, {"fsync", check_fsync},
 };
 
 json_t *bw_health_checks(bw_health *h, bw_verdict *worst) {

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "server/worker/admission.h"
+
 enum { DAY = 86400 };
 static const int64_t size_most = INT64_MAX >> 2;
 
@@ -41,8 +43,15 @@ const bw_setting bw_settings[] = {
     {"max-upload", SIZE(max_upload), "2G", true, "SIZE", "largest input"},
     {"stage-memory", SIZE(stage_memory), "4G", true, "SIZE", "memory one stage may take"},
     {"stage-output", SIZE(stage_output), "16G", true, "SIZE", "largest file one stage may write"},
+    {"stage-scratch", SIZE(stage_scratch), "32G", true, "SIZE", "all files of one stage together"},
     {"stage-cpu-seconds", SECONDS(stage_cpu_seconds, 1, 30 * DAY), "1h", true, "TIME", "processor time one stage may take"},
     {"stage-wall-seconds", SECONDS(stage_wall_seconds, 1, 30 * DAY), "2h", true, "TIME", "time one stage may take by the clock"},
+    {"memory", SIZE(memory), NULL, true, "SIZE",
+     "what the stages that run at the same time may need together, by estimate: no more are started; by default 7/8 of the machine's"},
+    {"cancel-grace", MILLISECONDS(cancel_grace_ms, 0, DAY * 1000), "10s", true, "TIME",
+     "how long a cancelled stage is given to end by itself before it is killed"},
+    {"require-sandbox", CHOICE(require_sandbox, "no yes"), "no", false, "yes|no",
+     "start no job unless seccomp, Landlock and all limits are in force; /readyz tells what is"},
     {"stop-grace", MILLISECONDS(stop_grace_ms, 0, DAY * 1000), "0s", true, "TIME",
      "how long running stages may go on after SIGTERM before they are given back to the queue"},
     {"log-level", CHOICE(log_level, "debug info warn error"), "info", true, "LEVEL", "least level that is logged"},
@@ -108,6 +117,8 @@ const char *bw_setting_default(const bw_setting *s, char text[BW_VALUE_TEXT]) {
     if (s->offset == offsetof(bw_config, workers)) {
         long cores = sysconf(_SC_NPROCESSORS_ONLN);
         snprintf(text, BW_VALUE_TEXT, "%ld", cores < 1 ? 1 : cores > s->high ? (long)s->high : cores);
+    } else if (s->offset == offsetof(bw_config, memory)) {
+        snprintf(text, BW_VALUE_TEXT, "%" PRIu64, bw_machine_memory() / 8 * 7);
     } else if (s->offset == offsetof(bw_config, worker)) {
         static const char name[] = "blockwright-worker";
         ssize_t n = readlink("/proc/self/exe", text, BW_VALUE_TEXT - sizeof name);

@@ -9,19 +9,26 @@
 #include "server/http/content.h"
 #include "server/http/reply.h"
 #include "server/metrics.h"
-#include "server/worker/spawner.h"
 
 void bw_http_live(bw_request *r) { bw_reply_json(r, 200, json_pack("{s:s}", "version", BW_VERSION)); }
+
+/* What confines a worker here: mechanisms in force, and sizes. */
+static json_t *limits_json(const bw_config *c, const bw_sandbox *sandbox) {
+    return json_pack("{s:b, s:b, s:b, s:i, s:b, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:f}", "address_space", sandbox->address_space,
+                     "no_new_privileges", sandbox->no_new_privileges, "seccomp", sandbox->seccomp, "landlock", sandbox->landlock,
+                     "sandbox_required", c->require_sandbox, "missing", sandbox->missing, "memory", (json_int_t)c->memory, "stage_memory",
+                     (json_int_t)c->stage_memory, "stage_output", (json_int_t)c->stage_output, "stage_scratch",
+                     (json_int_t)c->stage_scratch, "stage_cpu_seconds", c->stage_cpu_seconds, "stage_wall_seconds",
+                     c->stage_wall_seconds, "cancel_grace_seconds", c->cancel_grace_ms / 1000.0);
+}
 
 void bw_http_ready(bw_request *r) {
     const bw_services *s = r->services;
     bw_verdict worst;
     json_t *checks = bw_health_checks(s->health, &worst);
     bool ready = worst != BW_VERDICT_FAIL;
-    json_t *limits = json_pack("{s:b, s:b, s:b, s:b, s:I, s:i, s:i}", "address_space", bw_spawner_limits_memory(),
-                               "no_new_privileges", 1, "seccomp", 0, "landlock", 0, "stage_memory",
-                               (json_int_t)s->config->stage_memory, "stage_cpu_seconds", s->config->stage_cpu_seconds,
-                               "stage_wall_seconds", s->config->stage_wall_seconds);
+    bw_sandbox sandbox = bw_dispatch_sandbox(s->dispatch);
+    json_t *limits = limits_json(s->config, &sandbox);
     json_t *body = ready ? json_object() : bw_problem_document(BW_PROBLEM_NOT_READY, "see checks");
     json_object_set_new(body, "ready", json_boolean(ready));
     json_object_set_new(body, "checks", checks);

@@ -64,6 +64,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());
     if (job->finish && (job->state == BW_JOB_QUEUED || job->state == BW_JOB_RUNNING)) json_object_set_new(o, "finishing", json_true());
+    if (!job->open && bw_dispatch_waits_for_memory(r->services->dispatch, job->id)) json_object_set_new(o, "waits_for", json_string("memory"));
     if (*note) json_object_set_new(o, "note", json_string(note));
     json_object_set_new(o, "options", json_loads(job->options, 0, NULL));
     set_time(o, "created", job->created);

@@ -9,9 +9,9 @@
 typedef struct {
     const char *id;
     int attempt;
-    const char *outcome, *failure, *key, *manifest;
-    int64_t bytes, due, now;
-    bool cut;
+    const char *outcome, *failure;
+    const bw_made *made; /* of advance */
+    int64_t due, now;
     int changes;
 } ending;
 
@@ -38,18 +38,17 @@ static bw_status advance(bw_writer *w, void *user) {
                    " state = CASE WHEN stage + 1 >= stage_count THEN 2 ELSE 1 END,"
                    " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?,"
                    " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE NOT_CANCELLED, "isisi", e->now,
-                   e->manifest ? e->key : "", (int64_t)e->cut, e->id, (int64_t)e->attempt);
+                   e->made->manifest ? e->made->key : "", (int64_t)e->made->cut, e->id, (int64_t)e->attempt);
     if (status != BW_OK || !e->changes) return status;
     status = bw_sql_number(&w->sql, &state, 0, "SELECT state FROM jobs WHERE id = ?", "s", e->id);
     if (status == BW_OK) status = close_attempt(w, e, state == BW_JOB_SUCCESSFUL ? "successful" : "done");
-    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT OR REPLACE INTO outputs (key, bytes, manifest, created, used)"
-                                        " VALUES (?1, ?2, ?3, ?4, ?4)", "sisi", e->key, e->bytes, e->manifest, e->now) : status;
+    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT OR REPLACE INTO outputs (key, bytes, manifest, need, created, used)"
+                                        " VALUES (?1, ?2, ?3, ?4, ?5, ?5)", "sisii", e->made->key, (int64_t)e->made->bytes,
+                                        e->made->manifest, (int64_t)e->made->need, e->now) : status;
 }
 
-bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const char *key, uint64_t bytes, const char *manifest,
-                           bool cut, int64_t now, bool *done) {
-    ending e = {.id = id, .attempt = attempt, .outcome = "ok", .key = key, .bytes = (int64_t)bytes, .manifest = manifest,
-                .cut = cut, .now = now};
+bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const bw_made *made, int64_t now, bool *done) {
+    ending e = {.id = id, .attempt = attempt, .outcome = "ok", .made = made, .now = now};
     return finish_attempt(q, advance, &e, done);
 }
 

@@ -14,6 +14,15 @@ bw_status bw_queue_output(bw_queue *q, const char *key, bool *found, char **mani
     return step == SQLITE_ROW || step == SQLITE_DONE ? BW_OK : BW_E_IO;
 }
 
+bw_status bw_queue_output_need(bw_queue *q, const char *key, uint64_t *need) {
+    int64_t told = 0;
+    bw_sql *reader = bw_reader_borrow(q);
+    bw_status status = reader ? bw_sql_number(reader, &told, 0, "SELECT need FROM outputs WHERE key = ?", "s", key) : BW_E_IO;
+    bw_reader_return(q, reader);
+    *need = told > 0 ? (uint64_t)told : 0;
+    return status;
+}
+
 static bw_status forget(bw_writer *w, void *key) {
     return bw_sql_run(&w->sql, NULL, "DELETE FROM outputs WHERE key = ?", "s", (const char *)key);
 }

@@ -184,11 +184,18 @@ bw_status bw_queue_claim(bw_queue *queue, bw_job *job, int64_t now, bool *done);
 /* `result_key` is the stage's cache key if the job's results are in it, else "". */
 bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *result_key, int64_t now, bool *done);
 
+/* The cache entry that a stage has made. */
+typedef struct {
+    const char *key;
+    uint64_t bytes;
+    uint64_t need;        /* bytes of memory that the next stage will take about; 0: not known */
+    const char *manifest; /* JSON; NULL: it is a state file */
+    bool cut; /* the search was ended by finish, so that this and all later outputs are for this job only */
+} bw_made;
+
 /* Ends of an attempt. A cancel that was noted wins: advance and fail change nothing then (*done is false), the attempt is to be
- * dismissed. A retry's `due` is at most BW_PAUSE_MOST_MS ahead. `key`, `bytes`, `manifest` (JSON or NULL) describe the cache entry the stage has made; `cut`: its
- * search was ended by finish, so that this and all later outputs are for this job only. */
-bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const char *key, uint64_t bytes,
-                           const char *manifest, bool cut, int64_t now, bool *done);
+ * dismissed. A retry's `due` is at most BW_PAUSE_MOST_MS ahead. */
+bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const bw_made *made, int64_t now, bool *done);
 bw_status bw_queue_retry(bw_queue *queue, const char *id, int attempt, const char *outcome, int64_t due, int64_t now,
                          bool *done);
 bw_status bw_queue_fail(bw_queue *queue, const char *id, int attempt, const char *outcome, const char *failure,
@@ -228,6 +235,8 @@ bw_status bw_queue_recover(bw_queue *queue, int64_t now, int *recovered);
 
 /* *manifest (may be NULL as argument): malloc'ed JSON or NULL. */
 bw_status bw_queue_output(bw_queue *queue, const char *key, bool *found, char **manifest);
+/* What was told with it; 0 also if there is no such output. */
+bw_status bw_queue_output_need(bw_queue *queue, const char *key, uint64_t *need);
 bw_status bw_queue_forget_output(bw_queue *queue, const char *key);
 /* Forgets all cache rows for which `present` says no. */
 bw_status bw_queue_sweep_outputs(bw_queue *queue, bool (*present)(void *user, const char *key), void *user,

@@ -20,7 +20,7 @@
 #include "server/log.h"
 #include "server/worker/worker_proto.h"
 
-enum { FD_CHANNEL, FD_INPUT, FD_LOG, FD_FOLDER, FD_PARAMETERS, FD_MOST };
+enum { FD_CHANNEL, FD_INPUT, FD_ERRORS, FD_FOLDER, FD_PARAMETERS, FD_MOST };
 enum { FD_LEAST = FD_PARAMETERS }; /* the last may be missing */
 enum { WORKERS_MOST = 1024, EXTRA_ADDRESS_SPACE = 512 << 20, CPU_GRACE_SECONDS = 5, FILES_MOST = 64 };
 
@@ -54,7 +54,8 @@ static void limit(int what, uint64_t soft, uint64_t hard) {
     }
 }
 
-bool bw_spawner_limits_memory(void) {
+/* Not in builds with sanitizers, which map terabytes. */
+static bool limits_memory(void) {
 #ifdef BW_NO_ADDRESS_LIMIT
     return false;
 #else
@@ -75,7 +76,7 @@ static void confine(const bw_spawn *s, pid_t parent) {
         _exit(127);
     }
     if (getppid() != parent) _exit(127); /* the spawner died before the death signal was armed */
-    if (bw_spawner_limits_memory()) limit(RLIMIT_AS, s->memory + EXTRA_ADDRESS_SPACE, s->memory + EXTRA_ADDRESS_SPACE);
+    if (limits_memory()) limit(RLIMIT_AS, s->memory + EXTRA_ADDRESS_SPACE, s->memory + EXTRA_ADDRESS_SPACE);
     limit(RLIMIT_CPU, (uint64_t)s->cpu_seconds, (uint64_t)s->cpu_seconds + CPU_GRACE_SECONDS);
     limit(RLIMIT_FSIZE, s->file_size, s->file_size);
     limit(RLIMIT_NOFILE, FILES_MOST, FILES_MOST);
@@ -88,7 +89,7 @@ static void arrange(const int *fds, int count) {
     for (int i = 0; i < count; i++)
         if ((high[i] = fcntl(fds[i], F_DUPFD, 64)) < 0) _exit(127);
     int null = open("/dev/null", O_RDONLY);
-    if (null < 0 || dup2(null, 0) < 0 || dup2(high[FD_LOG], 1) < 0 || dup2(high[FD_LOG], 2) < 0 ||
+    if (null < 0 || dup2(null, 0) < 0 || dup2(high[FD_ERRORS], 1) < 0 || dup2(high[FD_ERRORS], 2) < 0 ||
         dup2(high[FD_CHANNEL], BW_WORKER_CHANNEL) < 0 || dup2(high[FD_INPUT], BW_WORKER_INPUT) < 0 ||
         (count > FD_PARAMETERS && dup2(high[FD_PARAMETERS], BW_WORKER_PARAMETERS) < 0) || fchdir(high[FD_FOLDER]) != 0 ||
         close_range((unsigned)last + 1, ~0u, 0) != 0)
@@ -100,7 +101,7 @@ static void become_worker(const spawner *s, const bw_spawn *spawn, const int *fd
     snprintf(memory, sizeof memory, "%" PRIu64, spawn->memory);
     snprintf(attempt, sizeof attempt, "%d", spawn->attempt);
     char *argv[] = {(char *)s->worker, "--stage", (char *)spawn->stage, "--options", (char *)spawn->options, "--memory",
-                    memory, "--job", (char *)spawn->job, "--attempt", attempt, NULL};
+                    memory, "--require-sandbox", spawn->require_sandbox ? "yes" : "no", "--job", (char *)spawn->job, "--attempt", attempt, NULL};
     char *env[] = {"LC_ALL=C", "PATH=/usr/bin:/bin", NULL};
     arrange(fds, count);
     confine(spawn, parent);
@@ -282,7 +283,7 @@ static bw_status ask(int socket, const request *req, const int *fds, size_t coun
 
 bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, const bw_spawn_files *files) {
     request req;
-    const int fds[FD_MOST] = {files->channel, files->input, files->log, files->folder, files->parameters};
+    const int fds[FD_MOST] = {files->channel, files->input, files->errors, files->folder, files->parameters};
     memset(&req, 0, sizeof req);
     req.spawn = *spawn;
     return ask(socket, &req, fds, files->parameters >= 0 ? FD_MOST : FD_LEAST);

@@ -5,10 +5,11 @@
  * when its socket reaches the end, it kills its workers, reaps them and exits. Until then it holds DATA/spawner.lock, so the
  * next daemon's spawner is ready only when no worker of the last one is left.
  *
- * What a worker gets: descriptor 0 /dev/null, 1 and 2 the job's log, 3 the channel (worker_proto.h), 4 the input for reading,
+ * What a worker gets: descriptor 0 /dev/null, 1 and 2 a pipe to the daemon, 3 the channel (worker_proto.h), 4 the input for reading,
  * 5 its file of parameters for reading, if the job has one and the stage is the first; nothing else is open. Its working directory is the attempt's own folder. It leads its own session, cannot gain
  * privileges, gets SIGKILL when the spawner dies, and has limits on address space, processor time, file size, open
- * files and core dumps. Arguments: --stage NAME --options JSON --memory BYTES --job ID --attempt N (the last two are for ps).
+ * files and core dumps. Arguments: --stage NAME --options JSON --memory BYTES --require-sandbox yes|no
+ * --job ID --attempt N (the last two are for ps).
  */
 #ifndef BW_SERVER_SPAWNER_H
 #define BW_SERVER_SPAWNER_H
@@ -29,11 +30,12 @@ typedef struct {
     char options[BW_OPTIONS_TEXT]; /* canonical JSON */
     uint64_t memory, file_size;    /* bytes */
     int cpu_seconds;
+    bool require_sandbox;
 } bw_spawn;
 
 /* Descriptors for the worker; `parameters` is -1 if it gets none. */
 typedef struct {
-    int channel, input, log, folder, parameters;
+    int channel, input, errors, folder, parameters;
 } bw_spawn_files;
 
 typedef struct {
@@ -53,7 +55,5 @@ bw_status bw_spawner_spawn(int socket, const bw_spawn *spawn, const bw_spawn_fil
 bw_status bw_spawner_kill(int socket, uint64_t token, int signal); /* to the worker's whole process group */
 /* Reads one report without blocking. False: none there; *gone tells whether the spawner has died. */
 bool bw_spawner_report(int socket, bw_spawn_report *report, bool *gone);
-/* Whether the address space of workers is limited (not in builds with sanitizers, which map terabytes). */
-bool bw_spawner_limits_memory(void);
 
 #endif

@@ -1,10 +1,10 @@
 /* blockwright-worker: runs one stage of one job and exits. Started by the spawner only (spawner.h tells with what); the one
- * place where the core and the service meet. It talks to the daemon over descriptor 3 (worker_proto.h), reads the input
- * from descriptor 4 and its file of parameters from 5, if that is open, and writes "out" in its working directory. */
+ * place where the core and the service meet. It enters its sandbox (sandbox.h) before anything else, talks to the daemon over
+ * descriptor 3 (worker_proto.h), reads the input from descriptor 4 and its file of parameters from 5, if that is open, and writes
+ * "out" in its working directory. */
 #include <blockwright.h>
-#include <errno.h>
 #include <fcntl.h>
-#include <math.h>
+#include <inttypes.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,9 +13,10 @@
 #include <unistd.h>
 
 #include "server/clock.h"
+#include "server/worker/sandbox.h"
 #include "server/worker/worker_proto.h"
 
-enum { PROGRESS_MS = 100 };
+enum { PROGRESS_MS = 100, BASE_BYTES = 24 << 20 /* of the process itself: programs, libraries, stack */ };
 
 static volatile sig_atomic_t cancelled, finish;
 static char pending[BW_FRAME_NOTE_MOST + 1]; /* a note that came too soon after the one before */
@@ -64,6 +65,7 @@ static void on_note(void *user, const char *text) {
 typedef struct {
     const char *stage, *options;
     unsigned long long memory;
+    bool require_sandbox;
 } arguments;
 
 static bool read_arguments(int argc, char **argv, arguments *a) {
@@ -72,23 +74,30 @@ static bool read_arguments(int argc, char **argv, arguments *a) {
         if (strcmp(argv[i], "--stage") == 0) a->stage = argv[i + 1];
         else if (strcmp(argv[i], "--options") == 0) a->options = argv[i + 1];
         else if (strcmp(argv[i], "--memory") == 0) a->memory = strtoull(argv[i + 1], NULL, 10);
+        else if (strcmp(argv[i], "--require-sandbox") == 0) a->require_sandbox = strcmp(argv[i + 1], "yes") == 0;
         else if (strcmp(argv[i], "--job") != 0 && strcmp(argv[i], "--attempt") != 0) return false; /* for ps only */
     }
     struct stat st;
     return argc % 2 == 1 && a->stage && a->options && fstat(BW_WORKER_CHANNEL, &st) == 0 && S_ISSOCK(st.st_mode);
 }
 
-static bool say_hello(bw_stage stage) {
-    char hello[96];
-    int n = snprintf(hello, sizeof hello, "{\"stage\":\"%s\",\"version\":%d}", bw_stage_name(stage),
-                     bw_stage_version(stage));
+static bool say_hello(const char *stage, int version, const bw_sandbox *sandbox) {
+    char level[BW_SANDBOX_TEXT], hello[BW_SANDBOX_TEXT + 96];
+    bw_sandbox_json(sandbox, level);
+    int n = snprintf(hello, sizeof hello, "{\"stage\":\"%s\",\"version\":%d,\"sandbox\":%s}", stage, version, level);
     return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_HELLO, hello, (size_t)n);
 }
 
+static bool say_ok(bool cut, uint64_t need) {
+    char text[96];
+    int n = snprintf(text, sizeof text, "{\"status\":\"ok\"%s,\"need\":%" PRIu64 "}", cut ? ",\"cut\":true" : "", need);
+    return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n);
+}
+
 static bool say_result(const bw_context *ctx, bw_status status) {
-    static const char ok[] = "{\"status\":\"ok\"}", cut[] = "{\"status\":\"ok\",\"cut\":true}", lost[] = "{\"status\":\"memory-limit\"}";
+    static const char lost[] = "{\"status\":\"memory-limit\"}";
     send_note(true);
-    if (status == BW_OK) return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, ctx->finished ? cut : ok, strlen(ctx->finished ? cut : ok));
+    if (status == BW_OK) return say_ok(ctx->finished, ctx->next_need ? ctx->next_need + BASE_BYTES : 0);
     char *error = bw_error_json(ctx);
     const char *text = error ? error : lost;
     bool sent = bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, strlen(text));
@@ -110,25 +119,41 @@ static bw_status run_stage(bw_context *ctx, const arguments *a, bw_stage stage) 
     return status;
 }
 
+/* Fails closed: with a part of the sandbox missing, a daemon that requires it gets no work done. */
+static bw_status check_sandbox(bw_context *ctx, const arguments *a, const bw_sandbox *sandbox) {
+    if (!a->require_sandbox || bw_sandbox_complete(sandbox)) return BW_OK;
+    return bw_fail(ctx, BW_E_INTERNAL, "the sandbox that this daemon requires is not complete here: %s", sandbox->missing);
+}
+
+static void prepare(bw_context *ctx, const arguments *a) {
+    signal(SIGTERM, on_term);
+    signal(SIGUSR1, on_finish);
+    bw_context_init(ctx);
+    ctx->memory.limit = (size_t)a->memory;
+    ctx->cancel = &cancelled;
+    ctx->finish = &finish;
+    ctx->progress = on_progress;
+    ctx->note = on_note;
+    ctx->log = on_log;
+    ctx->stage = a->stage;
+}
+
 int main(int argc, char **argv) {
+    static const int readable[] = {BW_WORKER_INPUT, BW_WORKER_PARAMETERS};
     static bw_context ctx;
     arguments a;
-    bw_stage stage;
-    if (!read_arguments(argc, argv, &a) || bw_stage_from_name(a.stage, &stage) != BW_OK) {
+    bw_stage stage = BW_STAGE_SANITIZE;
+    bw_sandbox sandbox;
+    bool known = read_arguments(argc, argv, &a), trial = known && strcmp(a.stage, BW_WORKER_TRIAL) == 0;
+    if (!known || (!trial && bw_stage_from_name(a.stage, &stage) != BW_OK)) {
         fprintf(stderr, "blockwright-worker is started by blockwrightd, not by hand; see blockwright --help\n");
         return 2;
     }
-    signal(SIGTERM, on_term);
-    signal(SIGUSR1, on_finish);
-    bw_context_init(&ctx);
-    ctx.memory.limit = (size_t)a.memory;
-    ctx.cancel = &cancelled;
-    ctx.finish = &finish;
-    ctx.progress = on_progress;
-    ctx.note = on_note;
-    ctx.log = on_log;
-    ctx.stage = a.stage;
-    if (!say_hello(stage)) return 5;
-    bw_status status = run_stage(&ctx, &a, stage);
+    prepare(&ctx, &a);
+    bw_sandbox_enter(readable, sizeof readable / sizeof *readable, &sandbox);
+    if (!say_hello(a.stage, trial ? 0 : bw_stage_version(stage), &sandbox)) return 5;
+    if (trial) return say_ok(false, 0) ? 0 : 5;
+    bw_status status = check_sandbox(&ctx, &a, &sandbox);
+    if (status == BW_OK) status = run_stage(&ctx, &a, stage);
     return say_result(&ctx, status) ? 0 : 5;
 }

@@ -8,12 +8,17 @@
  *     4   size of the payload, 32 bits, little endian
  *
  *     type       payload                                              from the worker
- *     HELLO      JSON {"stage": name, "version": n}                   first, once
+ *     HELLO      JSON {"stage": name, "version": n,                   first, once; before it the worker has looked at nothing
+ *                "sandbox": {...}} (sandbox.h)
  *     PROGRESS   IEEE double, little endian, 0..1                     any number
  *     LOG        one line of text without its newline                 any number
  *     RESULT     JSON {"status": "ok"} or an error as bw_error_json   last, once; ok with "cut": true says that a search ended
- *                                                                     early because of SIGUSR1, so the output is of this run only
+ *                                                                     early because of SIGUSR1, so the output is of this run only;
+ *                                                                     "need": bytes of memory the next stage will need about
  *     NOTE       the best a search has found so far, for people       any number; replaces the one before
+ *
+ * Started with --stage trial, the worker enters its sandbox, says HELLO (version 0) and RESULT ok, and ends: so the daemon learns
+ * what a sandbox it can have here.
  *
  * The daemon's words are signals: SIGTERM cancels, SIGUSR1 (never before HELLO) asks a search to settle for the best found.
  *
@@ -31,6 +36,7 @@
 #include "base/status.h"
 
 enum { BW_WORKER_PROTOCOL = 2, BW_FRAME_HEADER = 8, BW_FRAME_MOST = 65536, BW_FRAME_NOTE_MOST = 200 };
+#define BW_WORKER_TRIAL "trial"
 /* Descriptors a worker is started with; the last is open only if there is a file of parameters. */
 enum { BW_WORKER_CHANNEL = 3, BW_WORKER_INPUT, BW_WORKER_PARAMETERS };
 

@@ -13,7 +13,7 @@ static void judge(const bw_frame *frame) {
     json_t *result = json_loadb((const char *)frame->data, frame->size, JSON_REJECT_DUPLICATES, NULL), *element;
     if (!result) return;
     bw_problem problem = bw_failure_problem(json_string_value(json_object_get(result, "status")));
-    char *text = bw_failure_json(problem, "trace", NULL, result);
+    char *text = bw_failure_json(problem, "trace", NULL, result, NULL);
     json_t *document = text ? json_loads(text, 0, NULL) : NULL;
     FUZZ_EXPECT(json_is_string(json_object_get(document, "type")) && json_is_string(json_object_get(document, "class")));
     size_t i;

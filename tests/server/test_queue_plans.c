@@ -86,7 +86,7 @@ static void use_everything(void) {
         if (round == 3) assert_int_equal(bw_queue_dismiss(q, job.id, 1, 2, &done), BW_OK);
         if (round == 4) assert_int_equal(bw_queue_interrupt(q, job.id, 1, 2, &done), BW_OK);
         if (round == 5) assert_int_equal(bw_queue_recover(q, 2, &count), BW_OK);
-        if (round >= 6) assert_int_equal(bw_queue_advance(q, job.id, 1, hash, 1, "[]", false, 2, &done), BW_OK);
+        if (round >= 6) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 2, &done), BW_OK);
         assert_int_equal(bw_queue_cancel(q, job.id, 3, &cancelled), BW_OK);
         assert_int_equal(bw_queue_attempts(q, job.id, &attempts, &n), BW_OK);
         free(attempts);

@@ -92,7 +92,7 @@ static void failures_of_the_system_are_tried_three_times(void **state) {
     expect_failure("trace raise 9\n", "trace", "worker-died", "system", 3);
     expect_failure("trace garbage\n", "trace", "worker-protocol", "system", 3);
     expect_failure("trace nothing\n", "trace", "worker-protocol", "system", 3);
-    expect_failure("trace link\n", "trace", "worker-protocol", "system", 3);
+    expect_failure("* unconfined\ntrace link\n", "trace", "worker-protocol", "system", 3);
     expect_failure("trace fail no-such-code\n", "trace", "internal", "system", 3);
 }
 
