@@ -378,7 +378,7 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
     if (d->config->require_sandbox && !bw_sandbox_complete(&d->sandbox)) return BW_OK; /* fails closed; /readyz tells */
     begin_pass(d);
     while (free_slot(d)) {
-        status = bw_queue_turn(d->queue, 0, &turn, &found);
+        status = bw_queue_turn(d->queue, d->config->owner_running, &turn, &found);
         if (status != BW_OK || !found) break;
         status = serve(d, turn.owner);
         if (status != BW_OK) break;

@@ -230,6 +230,12 @@ int bw_store_append_log(const bw_store *store, const char *job) {
     return open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
 }
 
+void bw_store_drop_log(const bw_store *store, const char *job) {
+    char path[PATH_MAX];
+    log_path(store, job, path);
+    unlink(path);
+}
+
 int bw_store_open_log(const bw_store *store, const char *job, uint64_t *bytes) {
     char path[PATH_MAX];
     log_path(store, job, path);

@@ -53,6 +53,7 @@ bw_status bw_store_sweep_cache(bw_store *store, bool (*known)(void *user, const 
 
 /* A descriptor to append to the job's log / to read it (-1: nothing logged yet). */
 int bw_store_append_log(const bw_store *store, const char *job);
+void bw_store_drop_log(const bw_store *store, const char *job);
 int bw_store_open_log(const bw_store *store, const char *job, uint64_t *bytes);
 
 /* The folder of an attempt: a fresh empty one, open for the worker; the worker writes "out" in it. */

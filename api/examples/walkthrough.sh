@@ -19,6 +19,7 @@ step blob_put.sh
 step blob_head.sh
 step job_create_parameters.sh
 step job_create.sh
+step batch_create.sh
 step job_list.sh
 step job_wait.sh
 step job_log.sh
@@ -27,6 +28,8 @@ step result_get.sh
 step job_report.sh
 step job_finish.sh
 step job_cancel.sh
+step job_retry.sh
+step job_delete.sh
 step openapi.sh
 step page.sh
 step page_file.sh

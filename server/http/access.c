@@ -11,6 +11,7 @@
 
 #include "server/clock.h"
 #include "server/failure.h"
+#include "server/http/operations.h"
 #include "server/http/reply.h"
 #include "server/log.h"
 
@@ -181,22 +182,25 @@ int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes) 
 typedef struct {
     char owner[BW_OWNER_TEXT], sha256[BW_SHA256_TEXT];
     bw_new_blob row;
-    bw_status status;
     void (*then)(bw_request *r);
 } keeping;
 
-static void on_kept(void *user, bw_status status) {
-    bw_request *r = user;
-    ((keeping *)r->state)->status = status;
-    bw_request_resume(r);
-}
-
-static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, &((keeping *)((bw_request *)user)->state)->row); }
+static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, &((keeping *)user)->row); }
 
 static void kept(bw_request *r) {
     keeping *k = r->state;
-    if (k->status != BW_OK) bw_reply_storage(r);
+    if (r->written != BW_OK) bw_reply_storage(r);
+    else if (!k->row.fits) bw_http_reply_too_large(r);
     else k->then(r);
+}
+
+bool bw_http_blob_fits(bw_request *r, uint64_t bytes) {
+    uint64_t most = r->services->config->owner_bytes;
+    bw_owner has;
+    if (!most) return true;
+    if (bw_queue_owner(r->services->queue, r->caller.owner, &has) != BW_OK) bw_reply_storage(r);
+    else if (bytes > most || (uint64_t)has.bytes > most - bytes) bw_http_reply_too_large(r);
+    return !r->reply;
 }
 
 void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (*then)(bw_request *r)) {
@@ -207,15 +211,12 @@ void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (
     }
     memcpy(k->owner, r->caller.owner, sizeof k->owner);
     snprintf(k->sha256, sizeof k->sha256, "%s", sha256);
-    k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms()};
+    k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms(),
+                           .most = (int64_t)r->services->config->owner_bytes};
     k->then = then;
     r->state = k;
     r->state_free = free;
-    r->resume = kept;
-    bw_request_suspend(r);
-    if (bw_queue_post(r->services->queue, write_kept, r, on_kept) == BW_OK) return;
-    k->status = BW_E_MEMORY;
-    bw_request_resume(r);
+    bw_request_write(r, write_kept, kept);
 }
 
 const char *bw_http_kept_blob(const bw_request *r, uint64_t *bytes) {

@@ -18,8 +18,10 @@ bool bw_http_check_access(bw_request *request);
 bool bw_http_owner_wanted(bw_request *request, const char **owner);
 /* Has the caller this blob? What others have uploaded is as if it were not there. A descriptor for reading, or -1. */
 int bw_http_open_blob(const bw_request *request, const char *sha256, uint64_t *bytes);
+/* Has the caller room for so many bytes more (owner-bytes)? False after a reply. */
+bool bw_http_blob_fits(bw_request *request, uint64_t bytes);
 /* Notes durably that the caller has the blob, which the store has already: suspends the request; `then` is called when that is done and
- * replies, unless it could not be done, which is replied here. Takes the request's state and resume. */
+ * replies, unless it could not be done or is too much, which is replied here. Takes the request's state and resume. */
 void bw_http_keep_blob(bw_request *request, const char *sha256, uint64_t bytes, void (*then)(bw_request *request));
 /* In `then`: the blob. */
 const char *bw_http_kept_blob(const bw_request *request, uint64_t *bytes);

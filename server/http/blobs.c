@@ -33,7 +33,7 @@ void bw_http_blob_begin(bw_request *r) {
     } else if (bw_store_room(s->store) < r->length + BW_ROOM_KEPT) {
         bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more",
                          (unsigned long long)r->length);
-    } else if (bw_upload_begin(s->store, &r->upload) != BW_OK) {
+    } else if (bw_http_blob_fits(r, r->length) && bw_upload_begin(s->store, &r->upload) != BW_OK) {
         bw_reply_storage(r);
     }
 }

@@ -1,103 +1,226 @@
+/* Creating jobs: one (job_create) or many at once (batch_create). */
 #include "server/http/operations.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <unistd.h>
 
 #include "server/clock.h"
-#include "server/http/access.h"
+#include "server/http/job_read.h"
 #include "server/http/reply.h"
-#include "server/joboptions.h"
 #include "server/log.h"
 
-enum { NAME_BYTES_MOST = 200 };
+enum { BATCH_BODY_MOST = 1 << 20, BATCH_JOBS_MOST = 1000, KEY_BYTES_MOST = 200, FULL_SECONDS = 10, LARGE_SECONDS = 600 };
 
-void bw_http_job_create_begin(bw_request *r) {
+/* What a request keeps while its jobs are written. */
+typedef struct {
+    bw_submit submit;
+    char key[KEY_BYTES_MOST + 1], digest[BW_SHA256_TEXT];
+    char *answer;
+} submission;
+
+static void submission_free(void *state) {
+    submission *s = state;
+    bw_jobs_free(s->submit.jobs, s->submit.count);
+    free(s->submit.stored);
+    free(s->answer);
+    free(s);
+}
+
+/* ---- before the body ---- */
+
+static void begin(bw_request *r, size_t most) {
     static const char json[] = "application/json";
     const char *type = bw_request_header(r, "Content-Type");
     size_t n = type ? strcspn(type, "; ") : 0;
-    if (r->has_length && r->length > BW_BODY_MOST)
-        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
+    r->body_most = most;
+    if (r->has_length && r->length > most)
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %zu bytes", most);
     else if (n != sizeof json - 1 || strncasecmp(type, json, n) != 0)
         bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "a job is described as %s", json);
 }
 
-static bool is_member(const char *key) {
-    static const char *const members[] = {"input", "parameters", "name", "options"};
-    for (size_t i = 0; i < sizeof members / sizeof *members; i++)
-        if (strcmp(key, members[i]) == 0) return true;
-    return false;
+void bw_http_job_create_begin(bw_request *r) { begin(r, BW_BODY_MOST); }
+void bw_http_batch_create_begin(bw_request *r) { begin(r, BATCH_BODY_MOST); }
+
+/* ---- reading ---- */
+
+/* The body as an object, or NULL after a reply. */
+static json_t *read_body(bw_request *r) {
+    json_error_t error;
+    json_t *body = json_loadb(r->body ? r->body : "", r->body_size, JSON_REJECT_DUPLICATES, &error);
+    if (!body) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "line %d column %d: %s", error.line, error.column, error.text);
+    } else if (!json_is_object(body)) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "the body must be an object");
+        json_decref(body);
+        body = NULL;
+    }
+    return body;
 }
 
-/* A member that names a blob; false after a reply. */
-static bool read_hash(bw_request *r, const json_t *body, const char *member, char hash[BW_SHA256_TEXT]) {
-    const char *text = json_string_value(json_object_get(body, member));
-    if (text && bw_is_sha256(text)) memcpy(hash, text, BW_SHA256_TEXT);
-    else bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
-    return *hash;
-}
-
-/* The members of the body; false after a reply. `given` borrows from body. */
-static bool read_job(bw_request *r, json_t *body, bw_job *job, const json_t **given) {
-    const char *key;
-    json_t *value, *name = json_object_get(body, "name");
-    json_object_foreach(body, key, value) {
-        if (is_member(key)) continue;
-        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "there is no member '%.60s'", key);
+/* The request's key, if it has one, and the digest of what it asks for. False after a reply. */
+static bool read_key(bw_request *r, submission *s) {
+    const char *key = bw_request_header(r, "Idempotency-Key");
+    if (!key) return true;
+    size_t n = strlen(key);
+    bool good = n > 0 && n <= KEY_BYTES_MOST;
+    for (size_t i = 0; i < n; i++) good = good && key[i] > 0x20 && key[i] < 0x7f;
+    if (!good) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Idempotency-Key has 1 to %d visible ASCII characters", KEY_BYTES_MOST);
         return false;
     }
-    if (!read_hash(r, body, "input", job->input)) return false;
-    if (json_object_get(body, "parameters") && !read_hash(r, body, "parameters", job->parameters)) return false;
-    if (name && (!json_is_string(name) || json_string_length(name) > NAME_BYTES_MOST)) {
-        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "'name' must be a string of at most %d bytes", NAME_BYTES_MOST);
-        return false;
+    memcpy(s->key, key, n + 1);
+    const char *operation = bw_endpoints[r->op].id;
+    bw_digest *digest = bw_digest_new();
+    good = digest && bw_digest_add(digest, operation, strlen(operation) + 1) && bw_digest_add(digest, r->body, r->body_size) &&
+           bw_digest_end(digest, s->digest);
+    bw_digest_free(digest);
+    if (!good) bw_reply_json(r, 500, NULL);
+    return good;
+}
+
+/* A submission with room for `count` jobs, as the request's state. NULL after a reply. */
+static submission *submission_new(bw_request *r, size_t count) {
+    submission *s = calloc(1, sizeof *s);
+    if (s) s->submit.jobs = calloc(count, sizeof *s->submit.jobs);
+    if (s && !s->submit.jobs) free(s), s = NULL;
+    if (!s) {
+        bw_reply_json(r, 500, NULL);
+        return NULL;
     }
-    if (name) job->name = strdup(json_string_value(name));
-    *given = json_object_get(body, "options");
-    return true;
+    r->state = s;
+    r->state_free = submission_free;
+    return s;
 }
 
-static bool is_uploaded(bw_request *r, const char *member, const char *sha256) {
-    uint64_t bytes;
-    int fd = bw_http_open_blob(r, sha256, &bytes);
-    if (fd >= 0) close(fd);
-    else bw_reply_problem(r, BW_PROBLEM_UNKNOWN_INPUT, "upload the %s first: PUT /v1/blobs/%s", member, sha256);
-    return fd >= 0;
-}
-
-static void accept_job(bw_request *r, bw_job *job, const json_t *all) {
+/* Adds a job; false after a reply. */
+static bool add_job(bw_request *r, submission *s, json_t *body, const char *place) {
+    bw_job *job = &s->submit.jobs[s->submit.count++];
     bw_job_id_make(job->id);
-    job->options = json_dumps(all, JSON_COMPACT | JSON_SORT_KEYS | JSON_REAL_PRECISION(17));
-    job->stage_count = bw_joboptions_stages(all);
     job->created = bw_now_ms();
     memcpy(job->owner, r->caller.owner, sizeof job->owner);
-    if (!job->options || bw_queue_insert(r->services->queue, job) != BW_OK) {
-        bw_reply_storage(r);
+    return bw_http_read_job(r, body, place, job);
+}
+
+/* ---- writing ---- */
+
+static bw_status write_submission(bw_writer *w, void *user) { return bw_write_submit(w, &((submission *)user)->submit); }
+
+/* The ids, as they are kept with the key: ["...", ...] */
+static char *ids_text(const bw_submit *submit) {
+    json_t *ids = json_array();
+    for (size_t i = 0; i < submit->count; i++) json_array_append_new(ids, json_string(submit->jobs[i].id));
+    char *text = json_dumps(ids, JSON_COMPACT);
+    json_decref(ids);
+    return text;
+}
+
+static void submit_jobs(bw_request *r, void (*then)(bw_request *)) {
+    submission *s = r->state;
+    const bw_config *config = r->services->config;
+    if (!read_key(r, s)) return;
+    s->submit.limits = (bw_limits){.queued = config->owner_jobs, .bytes = (int64_t)config->owner_bytes};
+    if (*s->key && !(s->answer = ids_text(&s->submit))) {
+        bw_reply_json(r, 500, NULL);
         return;
     }
-    bw_event(BW_INFO, "job.accepted", "job=%s input=%s", job->id, job->input);
+    if (*s->key) s->submit.key = s->key, s->submit.digest = s->digest, s->submit.answer = s->answer;
+    bw_request_write(r, write_submission, then);
+}
+
+void bw_http_reply_too_many(bw_request *r) {
+    char seconds[12];
+    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_JOBS, "you may have %d jobs that wait or run", (int)r->services->config->owner_jobs);
+    snprintf(seconds, sizeof seconds, "%d", FULL_SECONDS);
+    bw_reply_header(r, "Retry-After", seconds);
+}
+
+void bw_http_reply_too_large(bw_request *r) {
+    char seconds[12];
+    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_BYTES, "your inputs may have %llu bytes in all",
+                     (unsigned long long)r->services->config->owner_bytes);
+    snprintf(seconds, sizeof seconds, "%d", LARGE_SECONDS);
+    bw_reply_header(r, "Retry-After", seconds);
+}
+
+/* What has become of a submission: the ids of its jobs (a new array), or NULL after a reply. */
+static json_t *accepted(bw_request *r) {
+    const bw_submit *s = &((submission *)r->state)->submit;
+    if (r->written != BW_OK) {
+        bw_reply_storage(r);
+        return NULL;
+    }
+    switch (s->result) {
+    case BW_SUBMIT_ACCEPTED: break;
+    case BW_SUBMIT_KNOWN: return json_loads(s->stored, 0, NULL);
+    case BW_SUBMIT_CONFLICT:
+        bw_reply_problem(r, BW_PROBLEM_KEY_REUSED, "this Idempotency-Key came with another request before");
+        return NULL;
+    case BW_SUBMIT_TOO_MANY: bw_http_reply_too_many(r); return NULL;
+    case BW_SUBMIT_TOO_LARGE: bw_http_reply_too_large(r); return NULL;
+    }
+    json_t *ids = json_array();
+    for (size_t i = 0; i < s->count; i++) {
+        bw_event(BW_INFO, "job.accepted", "job=%s input=%s", s->jobs[i].id, s->jobs[i].input);
+        json_array_append_new(ids, json_string(s->jobs[i].id));
+    }
     bw_dispatch_wake(r->services->dispatch);
-    bw_http_answer_job(r, 201, job->id);
+    return ids;
+}
+
+/* ---- one ---- */
+
+static void job_created(bw_request *r) {
+    char id[BW_JOB_ID_TEXT];
+    json_t *ids = accepted(r);
+    if (!ids) return;
+    snprintf(id, sizeof id, "%s", json_string_value(json_array_get(ids, 0)));
+    json_decref(ids);
+    submission_free(r->state);
+    r->state = NULL; /* bw_http_answer_job has its own */
+    bw_http_answer_job(r, 201, id);
 }
 
 void bw_http_job_create(bw_request *r) {
-    char detail[200];
-    json_error_t error;
-    const json_t *given = NULL;
-    json_t *all = NULL, *body = json_loadb(r->body ? r->body : "", r->body_size, JSON_REJECT_DUPLICATES, &error);
-    bw_job job;
-    memset(&job, 0, sizeof job);
-    if (!json_is_object(body)) {
-        if (body) bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "the body must be an object");
-        else bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "line %d column %d: %s", error.line, error.column, error.text);
-    } else if (read_job(r, body, &job, &given)) {
-        if (!bw_joboptions_check(given, &all, detail, sizeof detail))
-            bw_reply_problem(r, BW_PROBLEM_INVALID_OPTION, "%s", detail);
-        else if (is_uploaded(r, "input", job.input) && (!*job.parameters || is_uploaded(r, "parameters", job.parameters)))
-            accept_job(r, &job, all);
-    }
-    json_decref(all);
+    json_t *body = read_body(r);
+    submission *s = body ? submission_new(r, 1) : NULL;
+    if (s && add_job(r, s, body, "")) submit_jobs(r, job_created);
     json_decref(body);
-    bw_job_clear(&job);
+}
+
+/* ---- many ---- */
+
+static void batch_created(bw_request *r) {
+    json_t *ids = accepted(r), *jobs = json_array(), *id;
+    size_t i;
+    json_array_foreach(ids, i, id)
+        json_array_append_new(jobs, json_pack("{s:O, s:o}", "id", id, "href", json_sprintf("/v1/jobs/%s", json_string_value(id))));
+    if (ids) bw_reply_json(r, 201, json_pack("{s:O}", "jobs", jobs));
+    json_decref(jobs);
+    json_decref(ids);
+}
+
+static bool read_batch(bw_request *r, json_t *body) {
+    json_t *jobs = json_object_get(body, "jobs"), *job;
+    size_t i, count = json_array_size(jobs);
+    if (count < 1 || count > BATCH_JOBS_MOST || json_object_size(body) != 1) {
+        bw_reply_problem(r, BW_PROBLEM_BAD_JSON, "a batch has one member, 'jobs', a list of 1 to %d jobs", BATCH_JOBS_MOST);
+        return false;
+    }
+    submission *s = submission_new(r, count);
+    bool good = s != NULL;
+    json_array_foreach(jobs, i, job) {
+        char place[40];
+        snprintf(place, sizeof place, "jobs[%zu]: ", i);
+        good = good && add_job(r, s, job, place);
+    }
+    return good;
+}
+
+void bw_http_batch_create(bw_request *r) {
+    json_t *body = read_body(r);
+    if (body && read_batch(r, body)) submit_jobs(r, batch_created);
+    json_decref(body);
 }

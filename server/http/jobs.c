@@ -1,3 +1,4 @@
+#include "server/http/access.h"
 #include "server/http/operations.h"
 
 #include <stdio.h>
@@ -5,7 +6,7 @@
 #include <string.h>
 
 #include "server/clock.h"
-#include "server/http/access.h"
+#include "server/http/job_read.h"
 #include "server/http/reply.h"
 
 enum { PAGE_DEFAULT = 50, PAGE_MOST = 200 };
@@ -61,6 +62,8 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     if (!o) return NULL;
     if (*job->owner) json_object_set_new(o, "owner", json_string(job->owner));
     if (job->name) json_object_set_new(o, "name", json_string(job->name));
+    json_object_set_new(o, "priority", json_integer(job->priority));
+    json_object_set_new(o, "tags", job->tags ? json_loads(job->tags, 0, NULL) : json_array());
     if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());
     if (job->finish && (job->state == BW_JOB_QUEUED || job->state == BW_JOB_RUNNING)) json_object_set_new(o, "finishing", json_true());
@@ -76,6 +79,13 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     return o;
 }
 
+void bw_http_reply_no_job(bw_request *r, const char *id) {
+    bool gone;
+    if (bw_queue_is_gone(r->services->queue, id, &gone) != BW_OK) bw_reply_storage(r);
+    else if (gone) bw_reply_problem(r, BW_PROBLEM_JOB_GONE, "the job %.60s was deleted", id);
+    else bw_reply_problem(r, BW_PROBLEM_NO_SUCH_JOB, "there is no job '%.60s'", id);
+}
+
 /* Reads a job, or replies. The caller clears it. */
 static bool load_job(bw_request *r, const char *id, bw_job *job) {
     bool found;
@@ -83,7 +93,7 @@ static bool load_job(bw_request *r, const char *id, bw_job *job) {
         bw_reply_storage(r);
         return false;
     }
-    if (!found) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_JOB, "there is no job '%.60s'", id);
+    if (!found) bw_http_reply_no_job(r, id);
     return found;
 }
 
@@ -100,6 +110,13 @@ static bool query_state(bw_request *r, int *state) {
     return !text || *state >= 0;
 }
 
+static bool query_tag(bw_request *r, const char **tag) {
+    *tag = bw_request_query(r, "tag");
+    if (!*tag || bw_http_is_tag(*tag)) return true;
+    bw_reply_problem(r, BW_PROBLEM_INVALID_PARAMETER, "a tag has 1 to %d bytes", BW_TAG_BYTES_MOST);
+    return false;
+}
+
 void bw_http_job_list(bw_request *r) {
     int64_t limit, before, next;
     bw_filter filter = {.state = -1};
@@ -107,7 +124,7 @@ void bw_http_job_list(bw_request *r) {
     size_t count;
     if (!bw_request_number(r, "limit", 1, PAGE_MOST, PAGE_DEFAULT, &limit) ||
         !bw_request_number(r, "cursor", 1, INT64_MAX, 0, &before) || !query_state(r, &filter.state) ||
-        !bw_http_owner_wanted(r, &filter.owner))
+        !query_tag(r, &filter.tag) || !bw_http_owner_wanted(r, &filter.owner))
         return;
     if (bw_queue_list(r->services->queue, &filter, before, (int)limit, &jobs, &count, &next) != BW_OK) {
         bw_reply_storage(r);
@@ -184,40 +201,4 @@ void bw_http_answer_job(bw_request *r, unsigned status, const char *id) {
 
 void bw_http_job_get(bw_request *r) { bw_http_answer_job(r, 200, r->parameters[0]); }
 
-/* ---- ending ---- */
-
-static void reply_job(bw_request *r) {
-    bw_job job;
-    if (!bw_http_load_job(r, &job)) return;
-    bw_reply_json(r, 200, job_json(r, &job));
-    bw_job_clear(&job);
-}
-
-void bw_http_job_cancel(bw_request *r) {
-    bw_cancel result;
-    if (bw_queue_cancel(r->services->queue, r->parameters[0], bw_now_ms(), &result) != BW_OK) {
-        bw_reply_storage(r);
-        return;
-    }
-    if (result == BW_CANCEL_TOO_LATE) {
-        bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job has already ended; there is nothing to cancel");
-        return;
-    }
-    if (result == BW_CANCEL_NOTED) bw_dispatch_wake(r->services->dispatch);
-    if (result == BW_CANCEL_DISMISSED) bw_watch_notify(r->services->watch, r->parameters[0]);
-    reply_job(r); /* 404 if it is unknown */
-}
-
-void bw_http_job_finish(bw_request *r) {
-    bw_finish result;
-    if (bw_queue_finish(r->services->queue, r->parameters[0], &result) != BW_OK) {
-        bw_reply_storage(r);
-        return;
-    }
-    if (result == BW_FINISH_TOO_LATE) {
-        bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job has already ended; there is nothing to finish");
-        return;
-    }
-    if (result == BW_FINISH_NOTED) bw_dispatch_wake(r->services->dispatch);
-    reply_job(r); /* 404 if it is unknown */
-}
+void bw_http_reply_job(bw_request *r, const bw_job *job) { bw_reply_json(r, 200, job_json(r, job)); }

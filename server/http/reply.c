@@ -56,6 +56,10 @@ void bw_reply_text(bw_request *r, const char *media_type, const char *text, size
     bw_reply_content(r, 200, &(bw_content){.fd = -1, .data = text, .bytes = size, .media_type = media_type, .sha256 = hashed ? hash : NULL});
 }
 
+void bw_reply_nothing(bw_request *r) {
+    bw_reply_made(r, 204, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT), NULL);
+}
+
 void bw_reply_header(bw_request *r, const char *name, const char *value) {
     if (r->reply) MHD_add_response_header(r->reply, name, value);
 }

@@ -12,6 +12,7 @@ void bw_reply_storage(bw_request *request); /* store or queue have failed; errno
 void bw_reply_text(bw_request *request, const char *media_type, const char *text, size_t size); /* text is static; it gets an ETag */
 /* Takes the response (NULL: out of memory). media_type may be NULL. */
 void bw_reply_made(bw_request *request, unsigned status, struct MHD_Response *response, const char *media_type);
+void bw_reply_nothing(bw_request *request); /* 204 */
 void bw_reply_header(bw_request *request, const char *name, const char *value); /* after a reply */
 /* For request.c: queues the reply, an internal error if there is none. */
 enum MHD_Result bw_reply_send(bw_request *request);

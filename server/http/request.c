@@ -139,8 +139,8 @@ static void begin(bw_request *r, const char *method, const char *version, const 
 
 /* These two get the content of the body, piece by piece. False: no more of it; out of memory without a reply. */
 static bool collect(bw_request *r, const char *data, size_t size) {
-    if (r->body_size + size > BW_BODY_MOST) {
-        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
+    if (r->body_size + size > r->body_most) {
+        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %zu bytes", r->body_most);
         return false;
     }
     if (r->body_size + size + 1 > r->body_room) {
@@ -210,6 +210,7 @@ static bw_request *new_request(bw_traffic *traffic, struct MHD_Connection *conne
     r->started = bw_mono_ms();
     r->started_us = bw_mono_us();
     bw_gauge_add(BW_METRIC_REQUESTS_ACTIVE, 0, 1);
+    r->body_most = BW_BODY_MOST;
     pthread_mutex_lock(&traffic->lock);
     traffic->active++;
     pthread_mutex_unlock(&traffic->lock);
@@ -274,4 +275,23 @@ void bw_request_resume(bw_request *r) {
     pthread_mutex_lock(&traffic->lock);
     if (--traffic->suspended == 0) pthread_cond_signal(&traffic->changed);
     pthread_mutex_unlock(&traffic->lock);
+}
+
+static bw_status run_write(bw_writer *w, void *user) {
+    bw_request *r = user;
+    return r->write(w, r->state);
+}
+
+static void write_done(void *user, bw_status status) {
+    bw_request *r = user;
+    r->written = status;
+    bw_request_resume(r);
+}
+
+void bw_request_write(bw_request *r, bw_write_fn fn, void (*then)(bw_request *)) {
+    r->write = fn;
+    r->resume = then;
+    bw_request_suspend(r);
+    bw_status status = bw_queue_post(r->services->queue, run_write, r, write_done);
+    if (status != BW_OK) write_done(r, status);
 }

@@ -57,6 +57,7 @@ typedef struct bw_request {
     int64_t started, started_us;           /* bw_mono_ms, bw_mono_us */
     char *body; /* NUL-terminated; NULL until the first byte */
     size_t body_size, body_room;
+    size_t body_most; /* bytes; begin may change it */
     bw_upload *upload;
     struct MHD_Response *reply; /* NULL until made */
     unsigned reply_status;
@@ -64,6 +65,8 @@ typedef struct bw_request {
     uint64_t reply_bytes;
     bool held;                           /* suspended in the call under way; of the HTTP thread only */
     void (*resume)(struct bw_request *); /* NULL: handle */
+    bw_write_fn write;                   /* of bw_request_write */
+    bw_status written;                   /* what has become of it */
     void *state;                         /* of the operation, between its calls */
     void (*state_free)(void *state);     /* may be NULL */
 } bw_request;
@@ -72,6 +75,10 @@ typedef struct bw_request {
 void bw_request_suspend(bw_request *request);
 /* The request may be gone when this returns. */
 void bw_request_resume(bw_request *request);
+
+/* Has the queue's thread run fn(writer, r->state) in a transaction, and calls `then` when that is durable (r->written is BW_OK) or has
+ * failed. Suspends the request. */
+void bw_request_write(bw_request *request, bw_write_fn fn, void (*then)(bw_request *));
 
 const char *bw_request_header(const bw_request *request, const char *name); /* NULL if absent */
 const char *bw_request_query(const bw_request *request, const char *name);

@@ -1,0 +1,12 @@
+/* A job as a client describes it (NewJob of api/openapi.yaml). */
+#ifndef BW_SERVER_HTTP_JOB_READ_H
+#define BW_SERVER_HTTP_JOB_READ_H
+
+#include "server/http/request.h"
+
+/* Fills what bw_submit needs but id, owner and created. `place` comes before every message ("" for a job alone). False after a
+ * reply. The caller clears the job in both cases. */
+bool bw_http_read_job(bw_request *request, json_t *body, const char *place, bw_job *job);
+bool bw_http_is_tag(const char *text);
+
+#endif
