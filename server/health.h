@@ -4,7 +4,7 @@
  * function and a row in checks[] (health.c).
  *
  * A thread measures the disk every probe-interval: it writes and syncs a small file in DATA/tmp. That its last try failed, or has not
- * returned, is found without touching the disk, so /readyz answers also when the disk does not.
+ * returned, is known without another write, so /readyz waits for no sync.
  */
 #ifndef BW_SERVER_HEALTH_H
 #define BW_SERVER_HEALTH_H

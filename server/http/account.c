@@ -11,10 +11,12 @@ enum { LOG_NONE, LOG_FAILED, LOG_ALL }; /* the words of log-requests */
 static void log_request(const bw_request *r, int64_t us, bool cut) {
     const bw_endpoint *e = r->op < BW_OP_COUNT ? &bw_endpoints[r->op] : NULL;
     int which = r->services->config->log_requests;
+    char owner[2 * BW_OWNER_TEXT + 3];
     if (which == LOG_NONE || (which == LOG_FAILED && r->reply_status < 500)) return;
     bw_event(r->reply_status >= 500 ? BW_WARN : BW_INFO, "http.request",
-             "method=%s path=%s status=%u received=%" PRIu64 " sent=%" PRIu64 " ms=%" PRId64 " cut=%d", e ? r->head ? "HEAD" : e->method : "-",
-             e ? e->path : "-", r->reply_status, r->received, r->sent, us / 1000, cut);
+             "method=%s path=%s status=%u owner=%s received=%" PRIu64 " sent=%" PRIu64 " ms=%" PRId64 " cut=%d", e ? r->head ? "HEAD" : e->method : "-",
+             e ? e->path : "-", r->reply_status,
+             bw_quoted(r->caller.owner, owner, sizeof owner), r->received, r->sent, us / 1000, cut);
 }
 
 void bw_request_account(const bw_request *r, bool cut) {

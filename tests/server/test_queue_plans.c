@@ -7,6 +7,8 @@
 /* Statements that may look at all rows of a table. */
 static const char *const whole[] = {
     "SELECT 1 FROM jobs LIMIT 1",                /* health: the first row */
+    "SELECT total(waiting), total(running), total(finished)," /* metrics: owners, of whom there are few */
+    " ifnull((SELECT created FROM jobs WHERE state = 0 ORDER BY seq LIMIT 1), 0) FROM owners",
     "DELETE FROM outputs WHERE NOT present(key)" /* at the start: every file of the cache is looked for anyway */
 };
 /* Indexes with rows of open attempts only. */
@@ -103,6 +105,8 @@ static void use_everything(void) {
         bw_jobs_free(list, n);
     }
     assert_int_equal(bw_queue_owner(q, "a", &owner), BW_OK);
+    bw_load load;
+    assert_int_equal(bw_queue_load(q, &load), BW_OK);
     assert_int_equal(bw_queue_next_due(q, 1, &number), BW_OK);
     assert_int_equal(bw_queue_output(q, hash, &done, &manifest), BW_OK);
     free(manifest);

@@ -248,7 +248,7 @@ static void every_request_has_a_line_and_no_line_has_a_secret(void **state) {
     char *text = calloc(1, 1 << 20);
     assert_true(fread(text, 1, (1 << 20) - 1, f) > 0);
     fclose(f);
-    assert_non_null(strstr(text, "event=http.request method=GET path=/v1/jobs status=200"));
+    assert_non_null(strstr(text, "event=http.request method=GET path=/v1/jobs status=200 owner=\"\" received=0 sent="));
     assert_non_null(strstr(text, "event=http.request method=POST path=/v1/jobs status=400"));
     assert_non_null(strstr(text, "event=http.request method=- path=- status=404"));
     assert_null(strstr(text, "hush"));
