@@ -15,6 +15,7 @@ struct cli_http {
     char server[1024];
     char error[CURL_ERROR_SIZE];
     char text[CURL_ERROR_SIZE + 64];
+    struct curl_slist *headers; /* of the next call */
 };
 
 /* Where the body of an answer goes. */
@@ -41,6 +42,7 @@ cli_http *cli_http_open(const char *server) {
 void cli_http_close(cli_http *http) {
     if (!http) return;
     curl_easy_cleanup(http->curl);
+    curl_slist_free_all(http->headers);
     curl_global_cleanup();
     free(http);
 }
@@ -129,18 +131,23 @@ static bool perform(cli_http *http, cli_reply *reply) {
     return false;
 }
 
+void cli_http_header(cli_http *http, const char *name, const char *value) {
+    char line[512];
+    snprintf(line, sizeof line, "%s: %s", name, value);
+    struct curl_slist *headers = curl_slist_append(http->headers, line);
+    if (headers) http->headers = headers;
+}
+
 bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply) {
     sink s = {http, reply, NULL, 0};
-    struct curl_slist *headers = NULL;
     memset(reply, 0, sizeof *reply);
     prepare(http, method, path, &s);
-    if (json) headers = curl_slist_append(headers, "Content-Type: application/json");
-    if (json || !strcmp(method, "POST")) {
-        curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
-        curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, headers);
-    }
+    if (json) cli_http_header(http, "Content-Type", "application/json");
+    if (json || !strcmp(method, "POST")) curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
+    curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, http->headers);
     bool good = perform(http, reply);
-    curl_slist_free_all(headers);
+    curl_slist_free_all(http->headers);
+    http->headers = NULL;
     return good;
 }
 

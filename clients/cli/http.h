@@ -31,6 +31,8 @@ void cli_http_close(cli_http *http);
 const char *cli_http_server(const cli_http *http); /* without a trailing slash */
 const char *cli_http_error(const cli_http *http);  /* why the last call failed */
 
+/* Adds a header to the next cli_http_call or cli_http_json; `value` is printable ASCII. */
+void cli_http_header(cli_http *http, const char *name, const char *value);
 bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply);
 /* PUTs `size` bytes of `file`; `progress` (may be NULL) shows them going. */
 bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size, cli_progress *progress,

@@ -8,7 +8,7 @@
 enum { PAGE_MAX = 200 }; /* the most a daemon gives at once */
 
 typedef struct {
-    const char *server, *state;
+    const char *server, *state, *tag;
     int64_t limit;
 } settings;
 
@@ -16,6 +16,7 @@ static const cli_option options[] = {
     CLI_SERVER_OPTION(settings),
     {"state", 0, CLI_CHOICE, offsetof(settings, state), "queued|running|successful|failed|dismissed",
      "only jobs in this state", 0, 0},
+    {"tag", 0, CLI_TEXT, offsetof(settings, tag), "TAG", "only jobs with this tag", 0, 0},
     {"limit", 'n', CLI_INTEGER, offsetof(settings, limit), "N", "the newest N jobs (default 50)", 1, 1e9},
 };
 
@@ -32,15 +33,20 @@ static void print_job(const json_t *job) {
     putchar('\n');
 }
 
-static bool page_path(char *path, size_t size, const settings *s, int64_t left, const char *cursor) {
-    int n = snprintf(path, size, "/v1/jobs?limit=%d", (int)(left < PAGE_MAX ? left : PAGE_MAX));
-    if (s->state) n += snprintf(path + n, size - (size_t)n, "&state=%s", s->state);
-    if (!*cursor) return true;
-    char *escaped = curl_easy_escape(NULL, cursor, 0);
+/* Adds &name=value to a path; false if it does not fit. */
+static bool add_query(char *path, size_t size, const char *name, const char *value) {
+    char *escaped = curl_easy_escape(NULL, value, 0);
+    size_t n = strlen(path);
     if (!escaped) return false;
-    n += snprintf(path + n, size - (size_t)n, "&cursor=%s", escaped);
+    n += (size_t)snprintf(path + n, size - n, "&%s=%s", name, escaped);
     curl_free(escaped);
-    return (size_t)n < size;
+    return n < size;
+}
+
+static bool page_path(char *path, size_t size, const settings *s, int64_t left, const char *cursor) {
+    snprintf(path, size, "/v1/jobs?limit=%d", (int)(left < PAGE_MAX ? left : PAGE_MAX));
+    return (!s->state || add_query(path, size, "state", s->state)) && (!s->tag || add_query(path, size, "tag", s->tag)) &&
+           (!*cursor || add_query(path, size, "cursor", cursor));
 }
 
 static int list(cli_http *http, const settings *s) {
@@ -78,7 +84,8 @@ const cli_command cli_command_ls = {
     .about = "One line per job, the newest first: id, state, progress, stage, complex, time of\n"
              "creation, name.",
     .examples = "  blockwright ls\n"
-                "  blockwright ls --state failed -n 10",
+                "  blockwright ls --state failed -n 10\n"
+                "  blockwright ls --tag nightly",
     .options = options,
     .option_count = sizeof options / sizeof *options,
     .run = run,

@@ -10,7 +10,8 @@
 #include "remote.h"
 
 typedef struct {
-    const char *server, *name, *out;
+    const char *server, *name, *out, *tags, *key;
+    int64_t priority;
     cli_job_options job;
     bool wait, quiet;
 } settings;
@@ -20,6 +21,11 @@ static const cli_option options[] = {
     CLI_JOB_OPTIONS(settings),
     {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)",
      0, 0},
+    {"priority", 0, CLI_INTEGER, offsetof(settings, priority), "N",
+     "among your jobs those with a larger N start first, -100 to 100 (default 0)", -100, 100},
+    {"tag", 0, CLI_TEXT, offsetof(settings, tags), "TAG,TAG,...", "words to find the job by: 'ls --tag'", 0, 0},
+    {"idempotency-key", 0, CLI_TEXT, offsetof(settings, key), "KEY",
+     "the same command sent again with the same KEY creates no second job", 0, 0},
     {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
      0},
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
@@ -71,6 +77,17 @@ typedef struct {
     char input[CLI_HASH_TEXT], parameters[CLI_HASH_TEXT];
 } blobs;
 
+/* The words between the commas. */
+static json_t *tag_list(const char *tags) {
+    json_t *list = json_array();
+    while (*tags) {
+        size_t n = strcspn(tags, ",");
+        if (n) json_array_append_new(list, json_stringn(tags, n));
+        tags += n + (tags[n] == ',');
+    }
+    return list;
+}
+
 static char *job_request(const settings *s, json_t *job_options, const char *file, const blobs *names) {
     const char *slash = strrchr(file, '/');
     const char *name = s->name ? s->name : slash ? slash + 1 : file;
@@ -78,7 +95,9 @@ static char *job_request(const settings *s, json_t *job_options, const char *fil
     json_t *text = json_string(name); /* NULL if it is not UTF-8: then the job goes without a name */
     if (text) json_object_set_new(request, "name", text);
     if (*names->parameters) json_object_set_new(request, "parameters", json_string(names->parameters));
-    char *body = json_dumps(request, JSON_COMPACT);
+    if (s->priority) json_object_set_new(request, "priority", json_integer(s->priority));
+    if (s->tags) json_object_set_new(request, "tags", tag_list(s->tags));
+    char *body = json_dumps(request, JSON_COMPACT | JSON_SORT_KEYS);
     json_decref(request);
     return body;
 }
@@ -94,6 +113,7 @@ static int submit(cli_http *http, const settings *s, json_t *job_options, const 
         cli_error("out of memory");
         return CLI_INTERNAL;
     }
+    if (s->key) cli_http_header(http, "Idempotency-Key", s->key);
     json_t *job = cli_http_json(http, "POST", "/v1/jobs", body, &code);
     free(body);
     if (!job) return code;
@@ -112,11 +132,20 @@ static int submit(cli_http *http, const settings *s, json_t *job_options, const 
     return code;
 }
 
+/* 1 to 200 visible ASCII characters. */
+static bool is_key(const char *text) {
+    size_t n = 0;
+    while (text[n] > 0x20 && text[n] < 0x7f) n++;
+    return n > 0 && n <= 200 && !text[n];
+}
+
 static int run(const cli_command *self, int argc, char **argv) {
     settings s = {0};
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 1, 1)) return CLI_USAGE;
     if (s.name && strlen(s.name) > 200) return cli_usage_error(self, "--name is longer than 200 bytes");
+    if (s.key && !is_key(s.key))
+        return cli_usage_error(self, "--idempotency-key has 1 to 200 visible ASCII characters");
     const char *problem = "out of memory";
     json_t *job_options = cli_job_options_json(&s.job, &problem);
     if (!job_options) return cli_usage_error(self, "%s", problem);
@@ -139,6 +168,7 @@ const cli_command cli_command_submit = {
     .examples = "  blockwright submit part.hexex\n"
                 "  blockwright submit part.mesh --parameters part.parameters\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"
+                "  blockwright submit part.hexex --priority 10 --tag nightly,wing --idempotency-key run-17\n"
                 "  blockwright submit part.hexex --quantize positive --target-hexes 5000 --out result\n"
                 "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",
     .options = options,

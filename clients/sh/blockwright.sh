@@ -22,6 +22,8 @@ Usage: blockwright.sh COMMAND ...
   fetch ID --out DIR bring its results home, each checked against its SHA-256
   finish ID          ask its search to settle for the best found; the job goes on with that
   cancel ID          ask it to stop; nothing of it is kept
+  retry ID           put a job that failed or was cancelled back into the queue
+  rm ID              remove a job that has ended
   ls                 list the jobs: id, state, name
   log ID             show what its workers logged
   report ID          print its report.json
@@ -346,13 +348,21 @@ fetch() {
     done <"$work/manifest"
 }
 
-# ask cancel|finish ID
+remove() {
+    request DELETE "/v1/jobs/$1" || silent
+    [ "$status" = 204 ] || complain "$work/body" '' ''
+    printf '%s removed\n' "$1"
+}
+
+# ask cancel|finish|retry ID
 ask() {
     request POST "/v1/jobs/$2/$1" -d '' || silent
     [ "$status" = 200 ] || complain "$work/body" '' ''
     state=$(value "$work/body" state 1)
-    case $1 in cancel) doing=cancelling ;; *) doing=finishing ;; esac
-    [ "$(value "$work/body" $doing 1)" != true ] || state=$doing
+    case $1 in
+    cancel) [ "$(value "$work/body" cancelling 1)" != true ] || state=cancelling ;;
+    finish) [ "$(value "$work/body" finishing 1)" != true ] || state=finishing ;;
+    esac
     printf '%s %s\n' "$2" "$state"
 }
 
@@ -489,7 +499,7 @@ case $command in
 '') mistake "which command?" ;;
 ls) [ -z "$operand" ] || mistake "ls takes no operand" ;;
 submit) [ -n "$operand" ] || mistake "submit needs a FILE" ;;
-watch | fetch | finish | cancel | log | report) check_id "$operand" ;;
+watch | fetch | finish | cancel | retry | rm | log | report) check_id "$operand" ;;
 *) mistake "there is no command '$command'" ;;
 esac
 case $command in
@@ -499,7 +509,8 @@ watch)
     printf '%s successful\n' "$operand"
     ;;
 fetch) fetch "$operand" ;;
-finish | cancel) ask "$command" "$operand" ;;
+finish | cancel | retry) ask "$command" "$operand" ;;
+rm) remove "$operand" ;;
 ls) list ;;
 log) show "/v1/jobs/$operand/log" ;;
 report) show "/v1/jobs/$operand/report" ;;

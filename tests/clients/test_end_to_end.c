@@ -228,7 +228,7 @@ static void a_job_that_is_not_there_is_exit_3(void **state) {
     (void)state;
     const char *id = "0123456789abcdef01234567";
     const char *const calls[][5] = {
-        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"finish", id, NULL}, {"log", id, NULL}};
+        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"finish", id, NULL}, {"retry", id, NULL}, {"rm", id, NULL}, {"log", id, NULL}};
     for (client c = 0; c < CLIENTS; c++) {
         for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
             const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL,
@@ -262,6 +262,57 @@ static void a_cancelled_job_is_exit_4(void **state) {
         if (r.exit != (late ? 0 : 4))
             fail_msg("%s client: cancelled %s, yet watch ends with %d\n%s", client_name[c],
                      late ? "late" : "in time", r.exit, r.err);
+        kit_result_clear(&r);
+    }
+}
+
+static void a_failed_job_is_tried_again(void **state) {
+    (void)state;
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX], waits[100], runs[100];
+        kit_result r = call_well(c, (const char *[]){"submit", part, "--kind", "hex", "--quiet", NULL});
+        take_id(&r, id);
+        for (int tries = 0; tries < 2; tries++) {
+            r = call(c, (const char *[]){"watch", id, NULL});
+            assert_int_equal(r.exit, 3);
+            kit_result_clear(&r);
+            r = call_well(c, (const char *[]){"retry", id, NULL});
+            snprintf(waits, sizeof waits, "%s queued\n", id);
+            snprintf(runs, sizeof runs, "%s running\n", id);
+            assert_true(!strcmp(r.out, waits) || !strcmp(r.out, runs));
+            kit_result_clear(&r);
+        }
+    }
+}
+
+static void a_key_submits_once_and_an_ended_job_is_removed(void **state) {
+    (void)state;
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX], again[ID_MAX], key[40], line[200];
+        snprintf(key, sizeof key, "key-%d", (int)c);
+        for (int i = 0; i < 2; i++) { /* the second time creates nothing */
+            kit_result r = call_well(C_CLIENT, (const char *[]){"submit", part, "--quiet", "--until", "trace", "--tag", "first,sec ond",
+                                                                "--priority", "5", "--idempotency-key", key, NULL});
+            take_id(&r, i ? again : id);
+        }
+        assert_string_equal(id, again);
+        kit_result r = call_well(C_CLIENT, (const char *[]){"ls", "--tag", "sec ond", NULL});
+        assert_non_null(strstr(r.out, id));
+        kit_result_clear(&r);
+        r = call_well(C_CLIENT, (const char *[]){"ls", "--tag", "sec", NULL});
+        assert_int_equal(r.out_size, 0);
+        kit_result_clear(&r);
+        r = call_well(c, (const char *[]){"watch", id, "--quiet", NULL});
+        kit_result_clear(&r);
+        r = call(c, (const char *[]){"retry", id, NULL});
+        if (r.exit != 3 || !strstr(r.err, "[job-finished]")) fail_msg("%s client, retry: exit %d\n%s", client_name[c], r.exit, r.err);
+        kit_result_clear(&r);
+        r = call_well(c, (const char *[]){"rm", id, NULL});
+        snprintf(line, sizeof line, "%s removed\n", id);
+        assert_string_equal(r.out, line);
+        kit_result_clear(&r);
+        r = call(c, (const char *[]){"watch", id, NULL});
+        if (r.exit != 3 || !strstr(r.err, "[job-gone]")) fail_msg("%s client, watch: exit %d\n%s", client_name[c], r.exit, r.err);
         kit_result_clear(&r);
     }
 }
@@ -339,6 +390,8 @@ int main(void) {
         cmocka_unit_test(names_survive_quotes_braces_and_backslashes),
         cmocka_unit_test(a_job_that_is_not_there_is_exit_3),
         cmocka_unit_test(a_cancelled_job_is_exit_4),
+        cmocka_unit_test(a_failed_job_is_tried_again),
+        cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
         cmocka_unit_test(a_search_is_finished_by_either_client),
         cmocka_unit_test(the_log_is_there),
         cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),

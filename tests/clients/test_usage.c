@@ -63,6 +63,10 @@ static const struct {
     {{"fetch", "0123"}, "--out DIR"},
     {{"cancel"}, "something is missing"},
     {{"finish"}, "something is missing"},
+    {{"submit", "a", "--priority", "101"}, "--priority takes a whole number from -100 to 100"},
+    {{"submit", "a", "--idempotency-key", "a b"}, "visible ASCII"},
+    {{"retry"}, "something is missing"},
+    {{"rm", "../jobs"}, "is not a job id"},
     {{"ls", "x"}, "one word too many"},
     {{"ls", "--state", "asleep"}, "--state is one of"},
 };
@@ -80,7 +84,7 @@ static void a_mistaken_command_line_ends_with_2_and_says_why(void **state) {
 }
 
 static const char *const commands[] = {"run",   "sample", "show", "submit", "watch",
-                                       "fetch", "finish", "cancel", "ls",   "log"};
+                                       "fetch", "finish", "cancel", "retry", "rm", "ls", "log"};
 
 static void every_command_explains_itself_with_examples(void **state) {
     (void)state;

@@ -1,0 +1,36 @@
+/* blockwright retry: puts a job that failed or was cancelled back into the queue. */
+#include <stdio.h>
+
+#include "remote.h"
+
+static const cli_option options[] = {CLI_SERVER_OPTION(cli_job_settings)};
+
+static int retry(cli_http *http, const char *id) {
+    char path[128];
+    int code = CLI_DONE;
+    snprintf(path, sizeof path, "/v1/jobs/%s/retry", id);
+    json_t *job = cli_http_json(http, "POST", path, NULL, &code);
+    if (!job) return code;
+    printf("%s ", id);
+    cli_print_safe(stdout, cli_text_of(job, "state"));
+    putchar('\n');
+    json_decref(job);
+    return code;
+}
+
+static int run(const cli_command *self, int argc, char **argv) {
+    return cli_run_on_job(self, argc, argv, retry);
+}
+
+const cli_command cli_command_retry = {
+    .name = "retry",
+    .synopsis = "ID [options]",
+    .summary = "try a failed or cancelled job again",
+    .about = "The job keeps its id and goes on after the last stage that was done; its attempts go on\n"
+             "counting. A job that was successful, or has not ended yet, is left as it is and the exit\n"
+             "code is 3.",
+    .examples = "  blockwright retry 65f0c1...e2 && blockwright watch 65f0c1...e2",
+    .options = options,
+    .option_count = sizeof options / sizeof *options,
+    .run = run,
+};
