@@ -11,7 +11,7 @@
 
 /* The WAL in pages of 4 KiB: checkpointed as it grows by the first, cut to nothing beyond the second and when nothing was
  * written for a while. */
-enum { CHECKPOINT_PAGES = 1000, WAL_PAGES_MOST = 8192, PAGE_BYTES = 4096, IDLE_MS = 1000 };
+enum { CHECKPOINT_PAGES = 4000, WAL_PAGES_MOST = 8192, PAGE_BYTES = 4096, IDLE_MS = 1000 };
 
 /* ---- the list of writes ---- */
 

@@ -37,14 +37,33 @@ static void make(bw_job *job, int i) {
     job->input_bytes = 1000;
 }
 
+static int by_value(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static void tell(const char *what, double *seconds, size_t n) {
+    if (!n) return;
+    qsort(seconds, n, sizeof *seconds, by_value);
+    printf("%-20s p50 %7.3f ms   p99 %7.3f ms   max %7.3f ms\n", what, 1e3 * seconds[n / 2], 1e3 * seconds[n * 99 / 100], 1e3 * seconds[n - 1]);
+    fflush(stdout);
+}
+
 /* ---- inserts ---- */
 
+typedef struct {
+    size_t count;
+    double seconds[1 << 16]; /* of the first ones */
+} inserts;
+
 static void *insert_loop(void *user) {
-    size_t *n = user;
-    for (; !atomic_load(&over); ++*n) {
+    inserts *all = user;
+    for (; !atomic_load(&over); all->count++) {
         bw_job job;
-        make(&job, (int)*n);
+        make(&job, (int)all->count);
+        double from = bench_seconds();
         must(bw_queue_insert(q, &job), "insert");
+        if (all->count < 1 << 16) all->seconds[all->count] = bench_seconds() - from;
         bw_job_clear(&job);
     }
     return NULL;
@@ -52,19 +71,26 @@ static void *insert_loop(void *user) {
 
 static void time_inserts(int threads) {
     pthread_t thread[THREADS];
-    size_t n[THREADS] = {0}, sum = 0;
+    inserts *all = calloc((size_t)threads, sizeof *all);
+    size_t sum = 0;
     bw_queue_stats before, after;
     bw_queue_statistics(q, &before);
     atomic_store(&over, false);
     double from = bench_seconds();
-    for (int i = 0; i < threads; i++) pthread_create(&thread[i], NULL, insert_loop, &n[i]);
+    for (int i = 0; i < threads; i++) pthread_create(&thread[i], NULL, insert_loop, &all[i]);
     while (bench_seconds() - from < SECONDS) nanosleep(&(struct timespec){0, 50000000}, NULL);
     atomic_store(&over, true);
-    for (int i = 0; i < threads; i++) pthread_join(thread[i], NULL), sum += n[i];
-    double seconds = bench_seconds() - from;
+    for (int i = 0; i < threads; i++) pthread_join(thread[i], NULL), sum += all[i].count;
+    double seconds = bench_seconds() - from, *times = calloc(sum, sizeof *times);
+    size_t n = 0;
+    for (int i = 0; i < threads; i++)
+        for (size_t k = 0; k < all[i].count && k < 1 << 16; k++) times[n++] = all[i].seconds[k];
     bw_queue_statistics(q, &after);
     printf("insert, %2d at once   %8.0f /s   %.1f per commit\n", threads, (double)sum / seconds,
            (double)(after.writes - before.writes) / (double)(after.commits - before.commits));
+    tell("  each", times, n);
+    free(times);
+    free(all);
 }
 
 /* ---- many rows ---- */
@@ -107,16 +133,6 @@ static bw_status open_many(bw_writer *w, void *user) {
              "INSERT OR IGNORE INTO attempts (job, attempt, stage, reused, started) SELECT id, attempt, 'sanitize', 0, 1 FROM jobs WHERE open = 1",
              OPEN);
     return bw_sql_script(&w->sql, sql);
-}
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static void tell(const char *what, double *seconds, int n) {
-    qsort(seconds, (size_t)n, sizeof *seconds, by_value);
-    printf("%-20s p50 %7.3f ms   p99 %7.3f ms   max %7.3f ms\n", what, 1e3 * seconds[n / 2], 1e3 * seconds[n * 99 / 100], 1e3 * seconds[n - 1]);
 }
 
 static void time_gets(char (*ids)[BW_JOB_ID_TEXT], int rows) {
