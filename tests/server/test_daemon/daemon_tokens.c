@@ -1,0 +1,145 @@
+/* The life of tokens, and a daemon without any. */
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "access_kit.h"
+
+static int fresh(void **state) {
+    kit_daemon *d = calloc(1, sizeof *d);
+    kit_start(d, NULL, (const char *const[]){"--host-names", "mesh.example,other", NULL});
+    *state = d;
+    return 0;
+}
+
+static int gone(void **state) {
+    kit_remove(*state);
+    free(*state);
+    return 0;
+}
+
+static long status_of(const kit_daemon *d, const char *secret) {
+    kit_reply r = kit_ask(d, secret, "GET", "/v1/jobs", NULL);
+    kit_free(&r);
+    return r.status;
+}
+
+static void the_first_token_closes_a_running_daemon_for_good(void **state) {
+    kit_daemon *d = *state;
+    char id[32], path[60];
+    kit_submit(d, "# from before\n", NULL, id);
+    snprintf(path, sizeof path, "/v1/jobs/%s", id);
+    assert_int_equal(status_of(d, NULL), 200);
+    kit_token user = kit_new_token(d, "user", ""), admin = kit_new_token(d, "root", "--scopes admin");
+    assert_int_equal(status_of(d, NULL), 401);
+    assert_int_equal(status_of(d, user.secret), 200);
+    kit_expect_problem(kit_ask(d, user.secret, "GET", path, NULL), 404, "no-such-job"); /* it is the local owner's */
+    kit_reply r = kit_ask(d, admin.secret, "GET", path, NULL);
+    assert_int_equal(r.status, 200);
+    kit_free(&r);
+    assert_int_equal(kit_revoke(d, user.id), 0);
+    assert_int_equal(kit_revoke(d, admin.id), 0);
+    assert_int_equal(status_of(d, user.secret), 401);
+    assert_int_equal(status_of(d, NULL), 401);
+    kit_kill(d, SIGKILL);
+    kit_restart(d, NULL);
+    assert_int_equal(status_of(d, NULL), 401);
+    assert_int_equal(status_of(d, admin.secret), 401);
+}
+
+static void tokens_are_made_and_revoked_without_the_daemon_too(void **state) {
+    kit_daemon *d = *state;
+    assert_int_equal(kit_stop(d), 0);
+    kit_token a = kit_new_token(d, "a", ""), b = kit_new_token(d, "b", "");
+    assert_int_equal(kit_revoke(d, b.id), 0);
+    kit_restart(d, NULL);
+    assert_int_equal(status_of(d, a.secret), 200);
+    assert_int_equal(status_of(d, b.secret), 401);
+    kit_kill(d, SIGKILL); /* its socket stays behind, and is no daemon */
+    kit_token c = kit_new_token(d, "c", "");
+    assert_int_equal(kit_revoke(d, a.id), 0);
+    kit_restart(d, NULL);
+    assert_int_equal(status_of(d, a.secret), 401);
+    assert_int_equal(status_of(d, c.secret), 200);
+}
+
+static void a_token_ends_when_it_says(void **state) {
+    kit_daemon *d = *state;
+    kit_token brief = kit_new_token(d, "brief", "--expires 2s");
+    assert_int_equal(status_of(d, brief.secret), 200);
+    kit_sleep_ms(2100);
+    assert_int_equal(status_of(d, brief.secret), 401);
+}
+
+static void the_words_of_token_commands_are_checked(void **state) {
+    kit_daemon *d = *state;
+    static const struct {
+        const char *words;
+        int code;
+    } cases[] = {{"token create", 2}, {"token create --owner", 2}, {"token create --owner ''", 2}, {"token create --owner 'a b'", 2},
+                 {"token create --owner -x", 2}, {"token create --owner a --scopes ''", 2}, {"token create --owner a --scopes write", 2},
+                 {"token create --owner a --scopes read,read", 2}, {"token create --owner a --expires 0d", 2},
+                 {"token create --owner a --expires 30", 2}, {"token create --owner a more", 2}, {"token create --owner a --nothing", 2},
+                 {"token", 2}, {"token delete", 2}, {"token revoke", 2}, {"token revoke 000000000000", 5}, {"token list more", 2}};
+    char line[200];
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int code = kit_blockwrightd(d, cases[i].words, line, sizeof line);
+        if (code != cases[i].code || *line) fail_msg("%s: %d %s", cases[i].words, code, line);
+    }
+    assert_int_equal(status_of(d, NULL), 200); /* none was made */
+}
+
+static void a_daemon_without_tokens_answers_to_its_own_names_only(void **state) {
+    kit_daemon *d = *state;
+    static const char *const good[] = {"localhost", "localhost:9999", "LOCALHOST", "127.0.0.1:1", "127.1.2.3", "[::1]:8080", "[::1]", "a.localhost",
+                                       "mesh.example", "OTHER:443"};
+    static const char *const bad[] = {"evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "10.0.0.1", "[2001:db8::1]", "example",
+                                      "mesh.example.evil", "xlocalhost"};
+    char header[200];
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        snprintf(header, sizeof header, "Host: %s", good[i]);
+        kit_reply r = kit_request(d, "GET", "/v1/jobs", header, NULL, 0);
+        if (r.status != 200) fail_msg("%s: %ld", header, r.status);
+        kit_free(&r);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        snprintf(header, sizeof header, "Host: %s", bad[i]);
+        kit_expect_problem(kit_request(d, "GET", "/v1/jobs", header, NULL, 0), 421, "wrong-host");
+        kit_expect_problem(kit_request(d, "GET", "/", header, NULL, 0), 421, "wrong-host");
+    }
+    kit_token token = kit_new_token(d, "a", ""); /* which no page of another site has: then any name will do */
+    snprintf(header, sizeof header, "Host: evil.example\nAuthorization: Bearer %s", token.secret);
+    kit_reply r = kit_request(d, "GET", "/v1/jobs", header, NULL, 0);
+    assert_int_equal(r.status, 200);
+    kit_free(&r);
+}
+
+static void pages_of_other_sites_change_nothing(void **state) {
+    kit_daemon *d = *state;
+    char id[32], path[60], header[120];
+    kit_submit(d, "sanitize sleep 600000\n", NULL, id);
+    snprintf(path, sizeof path, "/v1/jobs/%s/cancel", id);
+    static const char *const bad[] = {"Origin: http://evil.example", "Origin: null", "Origin: http://localhost:1"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        kit_expect_problem(kit_request(d, "POST", path, bad[i], NULL, 0), 403, "cross-origin");
+    json_t *job = kit_job(d, id);
+    assert_string_not_equal(kit_text(job, "state"), "dismissed");
+    json_decref(job);
+    snprintf(header, sizeof header, "Origin: http://%s", d->address);
+    kit_reply r = kit_request(d, "POST", path, header, NULL, 0);
+    assert_int_equal(r.status, 200);
+    kit_free(&r);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(the_first_token_closes_a_running_daemon_for_good, fresh, gone),
+        cmocka_unit_test_setup_teardown(tokens_are_made_and_revoked_without_the_daemon_too, fresh, gone),
+        cmocka_unit_test_setup_teardown(a_token_ends_when_it_says, fresh, gone),
+        cmocka_unit_test_setup_teardown(the_words_of_token_commands_are_checked, fresh, gone),
+        cmocka_unit_test_setup_teardown(a_daemon_without_tokens_answers_to_its_own_names_only, fresh, gone),
+        cmocka_unit_test_setup_teardown(pages_of_other_sites_change_nothing, fresh, gone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
