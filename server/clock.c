@@ -10,6 +10,11 @@ static int64_t read_clock(clockid_t id) {
 }
 
 int64_t bw_now_ms(void) { return read_clock(CLOCK_REALTIME); }
+int64_t bw_age_ms(int64_t since) {
+    int64_t age = bw_now_ms() - since;
+    return age < 0 ? 0 : age;
+}
+
 int64_t bw_mono_ms(void) { return read_clock(CLOCK_MONOTONIC); }
 
 int64_t bw_mono_us(void) {

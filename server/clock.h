@@ -7,6 +7,7 @@
 enum { BW_TIME_TEXT = 32 };
 
 int64_t bw_now_ms(void);
+int64_t bw_age_ms(int64_t since); /* how long ago that was by the wall clock; 0 if the clock was set back behind it */
 int64_t bw_mono_ms(void);
 int64_t bw_mono_us(void); /* for measuring */
 /* RFC 3339 in UTC with milliseconds, e.g. 2026-01-31T09:05:07.123Z. Returns text. */

@@ -221,6 +221,7 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     snprintf(s->key, sizeof s->key, "%s", key);
     s->token = ++d->tokens;
     bw_count(BW_METRIC_CLAIMS, s->job.stage, 0, 1);
+    if (s->job.attempt == 1) bw_observe(BW_METRIC_QUEUE_WAIT, 0, bw_age_ms(s->job.created));
     if (s->job.tries == 1) bw_count(BW_METRIC_CACHE_MISSES, s->job.stage, 0, 1);
     s->limits = bw_stage_limits_of(d->config);
     s->need = need;

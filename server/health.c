@@ -154,7 +154,7 @@ static bw_verdict check_queue_age(bw_health *h, char detail[DETAIL]) {
     int warn = h->config->ready_queue_warn_seconds, fail = h->config->ready_queue_fail_seconds;
     if (bw_queue_load(h->queue, &load) != BW_OK) return say(BW_VERDICT_FAIL, detail, "the database does not read");
     if (!load.oldest) return say(BW_VERDICT_OK, detail, "no job waits for its first stage");
-    int64_t age = (bw_now_ms() - load.oldest) / 1000;
+    int64_t age = bw_age_ms(load.oldest) / 1000;
     bw_verdict verdict = fail && age >= fail ? BW_VERDICT_FAIL : warn && age >= warn ? BW_VERDICT_WARN : BW_VERDICT_OK;
     return say(verdict, detail, "%" PRId64 " job(s) wait, the oldest of those that no stage has begun of for %" PRId64 " s", load.waiting, age);
 }
@@ -242,7 +242,7 @@ void bw_health_measure(bw_health *h) {
         bw_gauge(BW_METRIC_JOBS, 0, load.waiting);
         bw_gauge(BW_METRIC_JOBS, 1, load.running);
         bw_gauge(BW_METRIC_JOBS, 2, load.ended);
-        bw_gauge(BW_METRIC_QUEUE_AGE, 0, load.oldest ? bw_now_ms() - load.oldest : 0);
+        bw_gauge(BW_METRIC_QUEUE_AGE, 0, load.oldest ? bw_age_ms(load.oldest) : 0);
     }
     bw_queue_statistics(h->queue, &stats);
     bw_gauge(BW_METRIC_WAL_BYTES, 0, (int64_t)stats.wal_bytes);

@@ -71,6 +71,8 @@ static const row rows[] = {
     [BW_METRIC_READY] = {"blockwright_ready", "Whether /readyz says yes.", BW_GAUGE, ONE, {0}, 0},
     [BW_METRIC_JOBS] = {"blockwright_jobs", "Jobs that wait for a worker, have one, or have ended.", BW_GAUGE, ONE, {&by_phase}, 0},
     [BW_METRIC_QUEUE_AGE] = {"blockwright_queue_oldest_seconds", "Age of the oldest job that waits for its first stage.", BW_GAUGE, MS, {0}, 0},
+    [BW_METRIC_QUEUE_WAIT] = {"blockwright_queue_wait_seconds", "From a job's acceptance to its first worker, if nothing of it was in the cache.",
+                              BW_HISTOGRAM, MS, {0}, stage_bounds},
     [BW_METRIC_JOBS_ACCEPTED] = {"blockwright_jobs_accepted_total", "Jobs answered with 201.", BW_COUNTER, ONE, {0}, 0},
     [BW_METRIC_JOBS_ENDED] = {"blockwright_jobs_ended_total", "Jobs that have come to an end.", BW_COUNTER, ONE, {&by_end}, 0},
     [BW_METRIC_CLAIMS] = {"blockwright_stage_claims_total", "Stages given to a worker.", BW_COUNTER, ONE, {&by_stage}, 0},

@@ -19,6 +19,7 @@ typedef enum {
     BW_METRIC_READY,            /* 1 or 0 */
     BW_METRIC_JOBS,             /* by state: waiting, running, ended */
     BW_METRIC_QUEUE_AGE,        /* ms of the oldest job that no stage has begun of */
+    BW_METRIC_QUEUE_WAIT,       /* ms from acceptance to a job's first worker */
     BW_METRIC_JOBS_ACCEPTED,
     BW_METRIC_JOBS_ENDED,       /* by bw_job_state - BW_JOB_SUCCESSFUL */
     BW_METRIC_CLAIMS,           /* by stage */

@@ -164,6 +164,42 @@ static void a_data_folder_that_cannot_be_written_is_told(void **state) {
     expect_verdict("fsync", "ok", 200);
 }
 
+/* Starts with a disk that goes wrong by plan (tests/torture/shim.c) for the probe's file. */
+static void start_with_shim(const char *what, const char *const *arguments) {
+    char rules[120];
+    snprintf(rules, sizeof rules, "call=fdatasync,path=*/tmp/probe,times=0,do=%s", what);
+    setenv("BW_SHIM", rules, 1);
+    setenv("LD_PRELOAD", BW_BIN_DIR "/torture_shim.so", 1);
+    setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 0); /* the shim comes before the sanitizer's library */
+    start(arguments);
+    unsetenv("BW_SHIM");
+    unsetenv("LD_PRELOAD");
+}
+
+static void a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready(void **state) {
+    (void)state;
+    start_with_shim("delay:60", (const char *const[]){"--probe-interval", "50ms", "--ready-fsync-warn", "50ms", NULL});
+    expect_verdict("fsync", "warn", 200);
+    kit_remove(&d);
+    start_with_shim("delay:3000", (const char *const[]){"--ready-fsync-fail", "300ms", NULL});
+    expect_verdict("fsync", "fail", 503);
+    char status[16], detail[300];
+    long http;
+    check_of("fsync", &http, status, detail);
+    assert_non_null(strstr(detail, "has not answered"));
+}
+
+static void a_sync_that_fails_for_the_probe_is_told_and_ends_nothing(void **state) {
+    char id[32];
+    (void)state;
+    start_with_shim("EIO", (const char *const[]){"--probe-interval", "50ms", NULL});
+    expect_verdict("fsync", "fail", 503);
+    kit_submit(&d, "# good\n", NULL, id);
+    json_t *job = kit_wait(&d, id, 20);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    json_decref(job);
+}
+
 /* ---- /metrics ---- */
 
 static void jobs_and_stages_are_counted(void **state) {
@@ -203,6 +239,7 @@ static void jobs_and_stages_are_counted(void **state) {
         {"blockwright_failures_total{problem=\"inverted\"}", 1},
         {"blockwright_http_requests_total{operation=\"job_cancel\",class=\"2xx\"}", 1},
         {"blockwright_http_requests_total{operation=\"job_create\",class=\"2xx\"}", 4},
+        {"blockwright_queue_wait_seconds_count", 3},
         {"blockwright_workers", 2},
     };
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
@@ -275,6 +312,8 @@ int main(void) {
         cmocka_unit_test_teardown(a_worker_that_is_gone_is_told, remove_daemon),
         cmocka_unit_test_teardown(a_full_disk_is_told_and_forgotten_when_there_is_room_again, remove_daemon),
         cmocka_unit_test_teardown(a_data_folder_that_cannot_be_written_is_told, remove_daemon),
+        cmocka_unit_test_teardown(a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready, remove_daemon),
+        cmocka_unit_test_teardown(a_sync_that_fails_for_the_probe_is_told_and_ends_nothing, remove_daemon),
         cmocka_unit_test_teardown(jobs_and_stages_are_counted, remove_daemon),
         cmocka_unit_test_teardown(requests_that_go_wrong_are_counted_too, remove_daemon),
         cmocka_unit_test_teardown(every_request_has_a_line_and_no_line_has_a_secret, remove_daemon),
