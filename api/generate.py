@@ -8,7 +8,7 @@ import sys
 
 import yaml
 
-METHODS = ("get", "put", "post", "delete", "head", "patch")
+METHODS = ("get", "put", "post", "delete", "head", "patch", "options")
 
 
 def die(message):

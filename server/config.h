@@ -47,6 +47,7 @@ typedef struct {
     atomic_int workers;                /* stages that run at the same time */
     atomic_int max_connections, max_connections_per_address;
     atomic_int header_timeout_ms, body_timeout_ms; /* http/guard.h */
+    atomic_int max_uploads, upload_keep_seconds; /* partial.h */
     _Atomic uint64_t max_upload;       /* bytes of one blob */
     _Atomic uint64_t stage_memory;     /* bytes a stage may take */
     _Atomic uint64_t stage_output;     /* bytes of one file a stage may write */

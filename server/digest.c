@@ -21,6 +21,13 @@ bw_digest *bw_digest_new(void) {
     return digest;
 }
 
+bw_digest *bw_digest_copy(const bw_digest *digest) {
+    bw_digest *copy = bw_digest_new();
+    if (!copy || EVP_MD_CTX_copy_ex(copy->md, digest->md) == 1) return copy;
+    bw_digest_free(copy);
+    return NULL;
+}
+
 bool bw_digest_add(bw_digest *digest, const void *data, size_t size) {
     return EVP_DigestUpdate(digest->md, data, size) == 1;
 }

@@ -13,6 +13,7 @@ enum { BW_SHA256_TEXT = 65 }; /* with its NUL */
 typedef struct bw_digest bw_digest;
 
 bw_digest *bw_digest_new(void); /* NULL if out of memory */
+bw_digest *bw_digest_copy(const bw_digest *digest); /* as far as it is; NULL if out of memory */
 bool bw_digest_add(bw_digest *digest, const void *data, size_t size);
 bool bw_digest_end(bw_digest *digest, char text[BW_SHA256_TEXT]); /* only once */
 void bw_digest_free(bw_digest *digest);

@@ -41,6 +41,8 @@ const bw_setting bw_settings[] = {
     {"body-timeout", MILLISECONDS(body_timeout_ms, 100, DAY * 1000), "30s", true, "TIME",
      "what it may take for the body, or for taking the answer, besides a second for every 4096 bytes"},
     {"max-upload", SIZE(max_upload), "2G", true, "SIZE", "largest input"},
+    {"max-uploads", COUNT(max_uploads, 0, 100000), "1000", true, "N", "resumable uploads that are under way at the same time"},
+    {"upload-keep", SECONDS(upload_keep_seconds, 1, 365 * DAY), "1d", true, "TIME", "how long a resumable upload waits for its next part"},
     {"stage-memory", SIZE(stage_memory), "4G", true, "SIZE", "memory one stage may take"},
     {"stage-output", SIZE(stage_output), "16G", true, "SIZE", "largest file one stage may write"},
     {"stage-scratch", SIZE(stage_scratch), "32G", true, "SIZE", "all files of one stage together"},

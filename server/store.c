@@ -142,6 +142,12 @@ void bw_upload_abort(bw_upload *u) {
     free(u);
 }
 
+bw_status bw_store_adopt(bw_store *store, const char *path, const char *sha256) {
+    char to[PATH_MAX];
+    blob_path(store, sha256, to);
+    return file_away(path, to);
+}
+
 static int open_regular(const char *path, uint64_t *bytes) {
     struct stat st;
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);

@@ -5,6 +5,7 @@
  *     DATA/logs/<job>.log         what the workers of a job said
  *     DATA/tmp/                   uploads under way                             emptied at start
  *     DATA/work/<job>.<attempt>/  folder that one attempt may write into       emptied at start
+ *     DATA/uploads/               uploads that can be resumed (partial.h)
  *     DATA/jobs.db                the queue (queue.h)
  *     DATA/address                address of the running daemon
  *     DATA/lock, spawner.lock     held by the daemon, and by the spawner until its last worker is gone
@@ -42,6 +43,8 @@ bw_status bw_upload_finish(bw_upload *upload, const char *sha256, bool *matches,
 void bw_upload_abort(bw_upload *upload);
 uint64_t bw_upload_bytes(const bw_upload *upload);
 
+/* Makes a synced file of this content, which lies in the data folder, the blob: it is renamed, durably. */
+bw_status bw_store_adopt(bw_store *store, const char *path, const char *sha256);
 /* A descriptor for reading, or -1 if there is no such blob. */
 int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *bytes);
 /* A descriptor of the cached state file, or of result file `name` in the cached folder (NULL: the file itself). -1: none. */

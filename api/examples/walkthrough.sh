@@ -17,6 +17,11 @@ step ready.sh
 step metrics.sh
 step blob_put.sh
 step blob_head.sh
+step upload_options.sh
+step upload_create.sh
+step upload_patch.sh
+step upload_head.sh
+step upload_delete.sh
 step job_create_parameters.sh
 step job_create.sh
 step batch_create.sh

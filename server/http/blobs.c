@@ -1,5 +1,6 @@
 #include "server/http/operations.h"
 
+#include <stdlib.h>
 #include <unistd.h>
 
 #include "server/http/access.h"
@@ -15,6 +16,14 @@ static bool is_hash(bw_request *r) {
     if (bw_is_sha256(r->parameters[0])) return true;
     bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "'%.80s' is not a SHA-256: 64 digits 0-9 a-f", r->parameters[0]);
     return false;
+}
+
+static bool take_bytes(bw_request *r, const char *data, size_t size) {
+    uint64_t bytes = bw_upload_bytes(r->upload) + size, most = r->services->config->max_upload;
+    if (bytes > most) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
+    else if (!bw_request_room_left(r, bytes, size)) bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
+    else if (bw_upload_write(r->upload, data, size) != BW_OK) bw_reply_storage(r);
+    return !r->reply;
 }
 
 void bw_http_blob_begin(bw_request *r) {
@@ -35,6 +44,8 @@ void bw_http_blob_begin(bw_request *r) {
                          (unsigned long long)r->length);
     } else if (bw_http_blob_fits(r, r->length) && bw_upload_begin(s->store, &r->upload) != BW_OK) {
         bw_reply_storage(r);
+    } else {
+        r->take = take_bytes;
     }
 }
 
@@ -45,20 +56,40 @@ static void stored(bw_request *r) {
     bw_reply_json(r, 201, blob_json(sha256, bytes));
 }
 
-void bw_http_blob_put(bw_request *r) {
-    char actual[BW_SHA256_TEXT];
+typedef struct {
+    uint64_t bytes;
+    bw_status status;
     bool matches;
+    char actual[BW_SHA256_TEXT];
+} finishing;
+
+static void finish(bw_request *r) {
+    finishing *f = r->state;
     bw_upload *upload = r->upload;
-    uint64_t bytes = bw_upload_bytes(upload);
     r->upload = NULL; /* finish frees it */
-    if (bw_upload_finish(upload, r->parameters[0], &matches, actual) != BW_OK) {
-        bw_reply_storage(r);
-    } else if (!matches) {
-        bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s",
-                         (unsigned long long)bytes, actual);
-    } else {
-        bw_http_keep_blob(r, actual, bytes, stored);
+    f->status = bw_upload_finish(upload, r->parameters[0], &f->matches, f->actual);
+}
+
+static void finished(bw_request *r) {
+    finishing f = *(finishing *)r->state;
+    free(r->state);
+    r->state = NULL;
+    r->state_free = NULL;
+    if (f.status != BW_OK) bw_reply_storage(r);
+    else if (f.matches) bw_http_keep_blob(r, f.actual, f.bytes, stored);
+    else bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s", (unsigned long long)f.bytes, f.actual);
+}
+
+void bw_http_blob_put(bw_request *r) {
+    finishing *f = calloc(1, sizeof *f);
+    if (!f) {
+        bw_reply_json(r, 500, NULL);
+        return;
     }
+    f->bytes = bw_upload_bytes(r->upload);
+    r->state = f;
+    r->state_free = free;
+    bw_request_offload(r, finish, finished);
 }
 
 void bw_http_blob_head(bw_request *r) {

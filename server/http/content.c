@@ -11,7 +11,7 @@
 #include "server/http/coding.h"
 #include "server/http/reply.h"
 
-enum { CODE_LEAST = 512, CHUNK = 65536, ETAG_TEXT = BW_SHA256_TEXT + 10, DATE_TEXT = 40 };
+enum { CODE_LEAST = 512, CHUNK = 65536, ETAG_TEXT = BW_SHA256_TEXT + 10 };
 
 /* What a request wants of a content. */
 typedef struct {
@@ -54,11 +54,11 @@ static int64_t read_date(const char *text) {
     return -1;
 }
 
-static const char *date_text(int64_t ms, char text[DATE_TEXT]) {
+const char *bw_http_date(int64_t ms, char text[BW_HTTP_DATE]) {
     struct tm tm;
     time_t seconds = (time_t)(ms / 1000);
     gmtime_r(&seconds, &tm);
-    strftime(text, DATE_TEXT, "%a, %d %b %Y %H:%M:%S GMT", &tm);
+    strftime(text, BW_HTTP_DATE, "%a, %d %b %Y %H:%M:%S GMT", &tm);
     return text;
 }
 
@@ -228,9 +228,9 @@ static void add_digest(bw_request *r, const char *sha256) {
 }
 
 static void add_validators(bw_request *r, const bw_content *c, const selection *s) {
-    char text[DATE_TEXT];
+    char text[BW_HTTP_DATE];
     if (*s->etag) bw_reply_header(r, "ETag", s->etag);
-    if (c->modified) bw_reply_header(r, "Last-Modified", date_text(c->modified, text));
+    if (c->modified) bw_reply_header(r, "Last-Modified", bw_http_date(c->modified, text));
     if (bw_coding_helps(c->media_type)) bw_reply_header(r, "Vary", "Accept-Encoding");
 }
 

@@ -21,6 +21,8 @@ typedef struct {
     int64_t modified;     /* ms since 1970; 0: not known */
 } bw_content;
 
+enum { BW_HTTP_DATE = 40 };
+const char *bw_http_date(int64_t ms, char text[BW_HTTP_DATE]); /* as RFC 9110, 5.6.7 wants it. Returns text. */
 void bw_reply_content(bw_request *request, unsigned status, const bw_content *content);
 
 #endif

@@ -13,12 +13,15 @@
 #include "server/log.h"
 
 enum { THREADS = 4, CONNECTION_MEMORY = 128 << 10, DESCRIPTORS_KEPT = 256, LAST_REPLIES_SECONDS = 2 };
+enum { POOL_THREADS = 2, EXPIRY_MS = 10000 };
 
 struct bw_http {
     struct MHD_Daemon *daemon;
     bw_services services;
     bw_traffic traffic;
     bw_guard *guard;
+    bw_watcher expiry; /* of uploads; told now and then */
+    bw_pool_work expire;
 };
 
 static void on_library_log(void *user, const char *format, va_list args) {
@@ -26,6 +29,25 @@ static void on_library_log(void *user, const char *format, va_list args) {
     (void)user;
     vsnprintf(text, sizeof text, format, args);
     bw_event(BW_WARN, "http.library", "message=%s", bw_quoted(text, quoted, sizeof quoted));
+}
+
+/* ---- uploads that nobody goes on with ---- */
+
+static void expire_uploads(void *user);
+
+static void on_time(void *user, bw_watch_reason reason) {
+    bw_http *http = user;
+    if (reason != BW_WATCH_STOP) bw_pool_post(http->traffic.pool, &http->expire, expire_uploads, http);
+}
+
+static void watch_uploads(bw_http *http) {
+    bw_watch_add(http->services.watch, &http->expiry, "uploads", bw_mono_ms() + EXPIRY_MS, on_time, http);
+}
+
+static void expire_uploads(void *user) {
+    bw_http *http = user;
+    bw_partials_expire(http->traffic.partials, bw_now_ms());
+    watch_uploads(http);
 }
 
 /* ---- start and stop ---- */
@@ -72,9 +94,12 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
     if (!http) return BW_E_MEMORY;
     http->services = *services;
     traffic_init(&http->traffic, &http->services);
-    if (bw_guard_open(services->config, &http->guard) != BW_OK) {
+    bw_status status = bw_guard_open(services->config, &http->guard);
+    if (status == BW_OK) status = bw_pool_open(POOL_THREADS, &http->traffic.pool);
+    if (status == BW_OK) status = bw_partials_open(services->config->data, services->store, &http->traffic.partials);
+    if (status != BW_OK) {
         bw_http_stop(http);
-        return BW_E_IO;
+        return status;
     }
     unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
     if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
@@ -90,6 +115,7 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
         bw_http_stop(http);
         return BW_E_IO;
     }
+    on_time(http, BW_WATCH_TIME);
     name_address(services->config, info->port, address, size);
     *out = http;
     return BW_OK;
@@ -115,6 +141,8 @@ void bw_http_stop(bw_http *http) {
         MHD_stop_daemon(http->daemon);
         if (listening != MHD_INVALID_SOCKET) close(listening);
     }
+    bw_pool_close(http->traffic.pool);
+    bw_partials_close(http->traffic.partials);
     bw_guard_close(http->guard);
     pthread_cond_destroy(&http->traffic.changed);
     pthread_mutex_destroy(&http->traffic.lock);

@@ -9,6 +9,15 @@ void bw_http_blob_begin(bw_request *request);
 void bw_http_blob_put(bw_request *request);
 void bw_http_blob_head(bw_request *request);
 
+/* uploads.c */
+void bw_http_upload_create_begin(bw_request *request);
+void bw_http_upload_create(bw_request *request);
+void bw_http_upload_options(bw_request *request);
+void bw_http_upload_head(bw_request *request);
+void bw_http_upload_patch_begin(bw_request *request);
+void bw_http_upload_patch(bw_request *request);
+void bw_http_upload_delete(bw_request *request);
+
 /* job_create.c */
 void bw_http_job_create_begin(bw_request *request);
 void bw_http_job_create(bw_request *request);

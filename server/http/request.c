@@ -137,7 +137,7 @@ static void begin(bw_request *r, const char *method, const char *version, const 
 
 /* ---- the body ---- */
 
-/* These two get the content of the body, piece by piece. False: no more of it; out of memory without a reply. */
+/* Gets the content of the body, piece by piece. False: no more of it; out of memory without a reply. */
 static bool collect(bw_request *r, const char *data, size_t size) {
     if (r->body_size + size > r->body_most) {
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %zu bytes", r->body_most);
@@ -156,25 +156,14 @@ static bool collect(bw_request *r, const char *data, size_t size) {
     return true;
 }
 
-static bool store(bw_request *r, const char *data, size_t size) {
-    uint64_t before = bw_upload_bytes(r->upload), most = r->services->config->max_upload;
-    if (before + size > most) {
-        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
-        return false;
-    }
-    bool check = before / ROOM_CHECK != (before + size) / ROOM_CHECK;
-    if (check && bw_store_room(r->services->store) < BW_ROOM_KEPT) {
-        bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
-        return false;
-    }
-    if (bw_upload_write(r->upload, data, size) == BW_OK) return true;
-    bw_reply_problem(r, errno == ENOSPC ? BW_PROBLEM_STORAGE_FULL : BW_PROBLEM_IO, "the upload could not be written");
-    return false;
+bool bw_request_room_left(const bw_request *r, uint64_t written, size_t size) {
+    bool check = (written - size) / ROOM_CHECK != written / ROOM_CHECK;
+    return !check || bw_store_room(r->services->store) >= BW_ROOM_KEPT;
 }
 
 static bool deliver(void *user, const char *data, size_t size) {
     bw_request *r = user;
-    return r->upload ? store(r, data, size) : collect(r, data, size);
+    return r->take ? r->take(r, data, size) : collect(r, data, size);
 }
 
 /* Takes a piece of the body. False: hang up. */
@@ -294,4 +283,17 @@ void bw_request_write(bw_request *r, bw_write_fn fn, void (*then)(bw_request *))
     bw_request_suspend(r);
     bw_status status = bw_queue_post(r->services->queue, run_write, r, write_done);
     if (status != BW_OK) write_done(r, status);
+}
+
+static void run_offloaded(void *user) {
+    bw_request *r = user;
+    r->offloaded(r);
+    bw_request_resume(r);
+}
+
+void bw_request_offload(bw_request *r, void (*work)(bw_request *), void (*then)(bw_request *)) {
+    r->offloaded = work;
+    r->resume = then;
+    bw_request_suspend(r);
+    bw_pool_post(r->traffic->pool, &r->work, run_offloaded, r);
 }

@@ -1,7 +1,7 @@
 /* A request on its way through the daemon.
  *
  *     begin   headers are there, no byte of the body: routing, framing rules, size; uploads are opened
- *     body    unpacked if it is coded, then collected (JSON, at most BW_BODY_MOST) or streamed into the upload
+ *     body    unpacked if it is coded, then collected (JSON, at most BW_BODY_MOST) or given to r->take
  *     handle  body complete: the operation's function makes the reply, or suspends the request
  *     resume  after bw_request_resume(): r->resume, or else handle again
  * A reply made in an earlier step ends the request: at once if the client waits for "100 Continue" or the body is large, else
@@ -24,6 +24,8 @@
 #include "server/http/coding.h"
 #include "server/http/guard.h"
 #include "server/http/http.h"
+#include "server/partial.h"
+#include "server/pool.h"
 
 enum {
     BW_BODY_MOST = 65536,
@@ -38,6 +40,8 @@ typedef struct {
     pthread_mutex_t lock;
     pthread_cond_t changed; /* a count has become 0 */
     unsigned active, suspended;
+    bw_pool *pool;         /* for what would hold up an HTTP thread */
+    bw_partials *partials; /* uploads that can be resumed */
 } bw_traffic;
 
 typedef struct bw_request {
@@ -58,11 +62,14 @@ typedef struct bw_request {
     char *body; /* NUL-terminated; NULL until the first byte */
     size_t body_size, body_room;
     size_t body_most; /* bytes; begin may change it */
+    bool (*take)(struct bw_request *, const char *data, size_t size); /* gets the content of the body; false after a reply. NULL: collected */
     bw_upload *upload;
     struct MHD_Response *reply; /* NULL until made */
     unsigned reply_status;
     bool sized;                          /* the reply has so many bytes, at most: */
     uint64_t reply_bytes;
+    bw_pool_work work;
+    void (*offloaded)(struct bw_request *);
     bool held;                           /* suspended in the call under way; of the HTTP thread only */
     void (*resume)(struct bw_request *); /* NULL: handle */
     bw_write_fn write;                   /* of bw_request_write */
@@ -79,6 +86,11 @@ void bw_request_resume(bw_request *request);
 /* Has the queue's thread run fn(writer, r->state) in a transaction, and calls `then` when that is durable (r->written is BW_OK) or has
  * failed. Suspends the request. */
 void bw_request_write(bw_request *request, bw_write_fn fn, void (*then)(bw_request *));
+/* Suspends the request, has `work` called on a thread that may wait for the disk, and resumes it with `then`. `work` touches the request's
+ * state, store and files, and makes no reply. */
+void bw_request_offload(bw_request *request, void (*work)(bw_request *), void (*then)(bw_request *));
+/* For who has just written `size` bytes, `written` in all: does the disk have room for more? Asked only now and then. */
+bool bw_request_room_left(const bw_request *request, uint64_t written, size_t size);
 
 const char *bw_request_header(const bw_request *request, const char *name); /* NULL if absent */
 const char *bw_request_query(const bw_request *request, const char *name);

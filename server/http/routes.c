@@ -9,6 +9,11 @@
 const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_BLOB_PUT] = {bw_http_blob_begin, bw_http_blob_put},
     [BW_OP_BLOB_HEAD] = {NULL, bw_http_blob_head},
+    [BW_OP_UPLOAD_CREATE] = {bw_http_upload_create_begin, bw_http_upload_create},
+    [BW_OP_UPLOAD_OPTIONS] = {NULL, bw_http_upload_options},
+    [BW_OP_UPLOAD_HEAD] = {NULL, bw_http_upload_head},
+    [BW_OP_UPLOAD_PATCH] = {bw_http_upload_patch_begin, bw_http_upload_patch},
+    [BW_OP_UPLOAD_DELETE] = {NULL, bw_http_upload_delete},
     [BW_OP_JOB_CREATE] = {bw_http_job_create_begin, bw_http_job_create},
     [BW_OP_BATCH_CREATE] = {bw_http_batch_create_begin, bw_http_batch_create},
     [BW_OP_JOB_LIST] = {NULL, bw_http_job_list},
@@ -82,7 +87,15 @@ static enum MHD_Result check_query(void *user, enum MHD_ValueKind kind, const ch
     return MHD_NO;
 }
 
+/* Clients that cannot send PATCH or DELETE may say so with POST; tus 1.0.0 asks for that, and only its operations have it. */
+static const char *method_meant(const bw_request *r, const char *method, const char *path) {
+    const char *instead = bw_request_header(r, "X-HTTP-Method-Override");
+    bool upload = strncmp(path, "/v1/uploads/", 12) == 0;
+    return upload && instead && strcmp(method, "POST") == 0 ? instead : method;
+}
+
 bool bw_route_find(bw_request *r, const char *method, const char *path) {
+    method = method_meant(r, method, path);
     if (!find_operation(r, method, path)) return false;
     MHD_get_connection_values(r->connection, MHD_GET_ARGUMENT_KIND, check_query, r);
     return !r->reply;

@@ -6,7 +6,7 @@ import sys
 
 import yaml
 
-METHODS = ("get", "put", "post", "delete", "head", "patch")
+METHODS = ("get", "put", "post", "delete", "head", "patch", "options")
 failures = []
 
 

@@ -296,7 +296,7 @@ void kit_expect_problem(kit_reply r, long status, const char *code) {
     json_decref(problem);
 }
 
-static int send_all(const kit_daemon *d, const char *data, size_t size) {
+int kit_connect(const kit_daemon *d, const char *data, size_t size) {
     struct sockaddr_in to = {.sin_family = AF_INET};
     to.sin_port = htons((uint16_t)atoi(strchr(d->address, ':') + 1));
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -315,14 +315,14 @@ static int send_all(const kit_daemon *d, const char *data, size_t size) {
 char *kit_raw(const kit_daemon *d, const char *data, size_t size, bool half_close) {
     size_t n = 0, room = 65536;
     char *answer = calloc(room + 1, 1);
-    int fd = send_all(d, data, size);
+    int fd = kit_connect(d, data, size);
     if (half_close) shutdown(fd, SHUT_WR);
     for (ssize_t got; n < room && (got = recv(fd, answer + n, room - n, 0)) > 0;) n += (size_t)got;
     close(fd);
     return answer;
 }
 
-void kit_abandon(const kit_daemon *d, const char *data, size_t size) { close(send_all(d, data, size)); }
+void kit_abandon(const kit_daemon *d, const char *data, size_t size) { close(kit_connect(d, data, size)); }
 
 bool kit_no_uploads(const kit_daemon *d, int ms) {
     char path[100];

@@ -64,7 +64,8 @@ const char *kit_text(const json_t *object, const char *name); /* "" if absent */
 void kit_expect_problem(kit_reply reply, long status, const char *code);
 /* The whole of a raw exchange over TCP: sends, half-closes if asked, returns what comes back (malloc'ed). */
 char *kit_raw(const kit_daemon *daemon, const char *data, size_t size, bool half_close);
-/* Sends and hangs up. */
+/* Sends, and leaves the connection open / hangs up. */
+int kit_connect(const kit_daemon *daemon, const char *data, size_t size);
 void kit_abandon(const kit_daemon *daemon, const char *data, size_t size);
 /* Waits until no upload is under way any more; false after `ms`. */
 bool kit_no_uploads(const kit_daemon *daemon, int ms);

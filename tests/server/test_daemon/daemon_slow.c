@@ -1,7 +1,5 @@
 /* Clients that take their time, or too many connections: they are cut off, and the others do not notice. */
-#include <arpa/inet.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,15 +30,6 @@ static int stop(void **state) {
     return 0;
 }
 
-static int connect_to(const kit_daemon *daemon) {
-    struct sockaddr_in to = {.sin_family = AF_INET};
-    to.sin_port = htons((uint16_t)atoi(strchr(daemon->address, ':') + 1));
-    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    assert_int_equal(connect(fd, (struct sockaddr *)&to, sizeof to), 0);
-    return fd;
-}
-
 /* Has the daemon hung up? What it had to say before that is read away. */
 static bool is_cut(int fd) {
     char text[500];
@@ -62,8 +51,7 @@ static void slow_headers_are_cut_off_and_others_are_served(void **state) {
     static const char request[] = "GET /livez HTTP/1.1\r\nHost: x\r\nX-Slow: ";
     int open = LORIS;
     for (int i = 0; i < LORIS; i++) {
-        fds[i] = connect_to(&d);
-        assert_int_equal(send(fds[i], request, sizeof request - 1, MSG_NOSIGNAL), sizeof request - 1);
+        fds[i] = kit_connect(&d, request, sizeof request - 1);
     }
     expect_ready(50);
     for (int ms = 0; open && ms < PATIENCE_MS; ms += 100, kit_sleep_ms(100)) {
@@ -87,8 +75,8 @@ static void a_slow_body_is_cut_off_and_leaves_nothing(void **state) {
     (void)state;
     char hash[BW_SHA256_TEXT], text[400];
     kit_hash("x", 1, hash);
-    int n = snprintf(text, sizeof text, "PUT /v1/blobs/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 4000\r\n\r\n", hash), fd = connect_to(&d);
-    assert_int_equal(send(fd, text, (size_t)n, MSG_NOSIGNAL), n);
+    int n = snprintf(text, sizeof text, "PUT /v1/blobs/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 4000\r\n\r\n", hash);
+    int fd = kit_connect(&d, text, (size_t)n);
     bool cut = false;
     for (int ms = 0; !cut && ms < PATIENCE_MS; ms += 100, kit_sleep_ms(100)) cut = send(fd, "a", 1, MSG_NOSIGNAL) < 0 || is_cut(fd);
     assert_true(cut);
@@ -109,19 +97,18 @@ static void a_client_that_goes_away_in_its_body_is_noticed(void **state) {
 static void connections_from_one_address_are_limited(void **state) {
     (void)state;
     enum { MOST = 20 };
+    static const char request[] = "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n";
     kit_daemon few;
     int fds[MOST + 1];
     kit_start(&few, NULL, (const char *const[]){"--max-connections-per-address", "20", NULL});
     for (int i = 0; i < MOST; i++) {
-        fds[i] = connect_to(&few);
+        fds[i] = kit_connect(&few, request, sizeof request - 1);
         struct pollfd p = {fds[i], POLLIN, 0};
-        assert_int_equal(send(fds[i], "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n", 32, MSG_NOSIGNAL), 32);
         assert_int_equal(poll(&p, 1, PATIENCE_MS), 1);
         assert_false(is_cut(fds[i]));
     }
-    fds[MOST] = connect_to(&few);
+    fds[MOST] = kit_connect(&few, request, sizeof request - 1);
     struct pollfd p = {fds[MOST], POLLIN, 0};
-    send(fds[MOST], "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n", 32, MSG_NOSIGNAL);
     assert_int_equal(poll(&p, 1, PATIENCE_MS), 1);
     assert_true(is_cut(fds[MOST])); /* not a byte */
     for (int i = 0; i <= MOST; i++) close(fds[i]);
