@@ -71,6 +71,8 @@ void bw_context_init(bw_context *ctx); /* one thread, no limit, no callbacks */
 bw_status bw_fail(bw_context *ctx, bw_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* Adds an offending element to the error; call it before or after bw_fail. position may be NULL. */
 void bw_fail_element(bw_context *ctx, const char *kind, int64_t id, const double *position);
+/* For messages: the word or words behind a number of things, `one` behind 1. */
+static inline const char *bw_words(size_t count, const char *one, const char *many) { return count == 1 ? one : many; }
 void bw_fail_region(bw_context *ctx, const bw_region *region); /* likewise a place */
 void bw_log(bw_context *ctx, const char *format, ...) __attribute__((format(printf, 2, 3)));
 void bw_progress(bw_context *ctx, double fraction);

@@ -389,6 +389,6 @@ bw_status bw_hex_mesh_check_input(bw_context *ctx, const bw_hex_mesh *mesh) {
         bad++;
         blame(ctx, mesh, h);
     }
-    if (bad) return bw_fail(ctx, BW_E_DUPLICATE, "%zu hexes repeat a vertex; the first is hex %lld", bad, (long long)ctx->error.elements[0].id);
+    if (bad) return bw_fail(ctx, BW_E_DUPLICATE, "%zu %s a vertex; the first is hex %lld", bad, bw_words(bad, "hex repeats", "hexes repeat"), (long long)ctx->error.elements[0].id);
     return check_links(ctx, mesh, true);
 }

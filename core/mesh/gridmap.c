@@ -54,8 +54,8 @@ static bw_status check_orientation(bw_context *ctx, const bw_tet_mesh *mesh, con
     if (bw_defects_init(ctx, &bad, mesh, (const int64_t(*)[4][3])map->value)) return ctx->error.status;
     for (size_t r = 0; r < bad.count; r++) bw_defects_blame(ctx, &bad, mesh, r);
     if (bad.count)
-        bw_fail(ctx, BW_E_INVERTED, "%zu tets are inverted or flat in the parametrization; the first is tet %lld", bw_defects_tets(&bad),
-                (long long)ctx->error.elements[0].id);
+        bw_fail(ctx, BW_E_INVERTED, "%zu %s inverted or flat in the parametrization; the first is tet %lld", bw_defects_tets(&bad),
+                bw_words(bw_defects_tets(&bad), "tet is", "tets are"), (long long)ctx->error.elements[0].id);
     bw_defects_clear(ctx, &bad);
     return ctx->error.status;
 }
@@ -104,7 +104,7 @@ static bw_status derive_facets(bw_context *ctx, const bw_tet_mesh *mesh, bw_grid
         bw_facet_centre(mesh, (bw_facet)f, centre);
         bw_fail_element(ctx, "facet", (int64_t)f, centre);
     }
-    if (torn) return bw_fail(ctx, BW_E_NOT_SEAMLESS, "%zu facets have no octahedral transition on the grid", torn);
+    if (torn) return bw_fail(ctx, BW_E_NOT_SEAMLESS, "%zu %s no octahedral transition on the grid", torn, bw_words(torn, "facet has", "facets have"));
     if (tilted) return bw_fail(ctx, BW_E_NOT_ALIGNED, "%zu boundary facets are not aligned on the grid", tilted);
     return BW_OK;
 }

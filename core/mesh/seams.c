@@ -113,8 +113,8 @@ static bw_status find_rotations(finder *w) {
         bad++;
     }
     return bad ? bw_fail(w->ctx, BW_E_NOT_SEAMLESS,
-                         "the transitions of %zu facets are off by up to %.3g of an edge; %.3g is tolerated",
-                         bad, w->seams->seamless, w->tolerance)
+                         "the transitions of %zu %s are off by up to %.3g of an edge; %.3g is tolerated",
+                         bad, bw_words(bad, "facet", "facets"), w->seams->seamless, w->tolerance)
                : BW_OK;
 }
 
@@ -316,9 +316,8 @@ static bw_status find_hinges(finder *w) {
         bad++;
     }
     return bad ? bw_fail(w->ctx, BW_E_SINGULAR,
-                         "%zu edges are singular but not aligned, or have an angle that the transitions "
-                         "around them do not agree with",
-                         bad)
+                         "%zu %s singular but not aligned, or of an angle that the transitions around do not agree with",
+                         bad, bw_words(bad, "edge is", "edges are"))
                : BW_OK;
 }
 

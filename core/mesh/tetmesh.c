@@ -76,8 +76,8 @@ static bw_status check_corners(bw_context *ctx, const bw_tet_mesh *mesh) {
         bad++;
         bw_fail_element(ctx, "tet", mesh->tet_id[t], mesh->position[v[0]]);
     }
-    return bad ? bw_fail(ctx, BW_E_DUPLICATE, "%zu tets repeat a vertex; the first is tet %lld", bad,
-                         (long long)ctx->error.elements[0].id)
+    return bad ? bw_fail(ctx, BW_E_DUPLICATE, "%zu %s a vertex; the first is tet %lld", bad,
+                         bw_words(bad, "tet repeats", "tets repeat"), (long long)ctx->error.elements[0].id)
                : BW_OK;
 }
 

@@ -67,6 +67,14 @@ static void skin_layers_quality_and_irregular_edges_are_those_of_the_core(void *
     assert_int_equal(ctx.memory.used, 0);
 }
 
+static void numbers_and_reports_are_told_as_people_read_them(void **state) {
+    (void)state;
+    need("node");
+    kit_result r = kit_run((const char *const[]){"node", BW_SOURCE_DIR "/tests/clients/page/text_test.mjs", NULL});
+    if (r.exit) fail_msg("node: exit %d: %s", r.exit, r.err);
+    kit_result_clear(&r);
+}
+
 /* Runs the program, which has to end with `exit`, and gives the first word that it prints. */
 static char *run(int exit, const char *const argv[]) {
     kit_result r = kit_run(argv);
@@ -135,6 +143,7 @@ static int stop(void **state) {
 }
 
 static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(numbers_and_reports_are_told_as_people_read_them),
     cmocka_unit_test(skin_layers_quality_and_irregular_edges_are_those_of_the_core),
     cmocka_unit_test_setup_teardown(a_browser_shows_jobs_their_reports_and_meshes, start, stop),
 };
