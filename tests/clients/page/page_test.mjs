@@ -81,13 +81,13 @@ const tests = {
     await set('by', 'x'), await set('at', '0.5');
     await until(`${status}.startsWith('18 of 27')`);
     assert.equal(await faces(), 42);
-    await set('by', 'k'), await set('at', '0.34');
-    await until(`${status}.startsWith('18 of 27')`);
-    assert.equal(await text('atText'), 'first layer hidden');
-    await set('at', '0.67');
+    await set('by', 'k');
     await until(`${status}.startsWith('9 of 27')`);
     assert.equal(await text('atText'), 'first 2 layers hidden');
     assert.equal(await faces(), 30);
+    await set('at', '0.34');
+    await until(`${status}.startsWith('18 of 27')`);
+    assert.equal(await text('atText'), 'first layer hidden');
     await set('by', '');
     await until(`${status}.startsWith('27 of 27')`);
     await set('below', '0.5');
