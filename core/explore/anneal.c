@@ -6,7 +6,7 @@ typedef struct {
     bw_search *s;
     bw_tiling *t;
     bw_patch *list; /* walls that may go, to be tried from the end */
-    size_t count;
+    size_t count, joins;
     bw_patch *free; /* patches that are not always walls */
     size_t free_count;
 } annealer;
@@ -39,7 +39,7 @@ static void add_sides(annealer *a, bw_block name) {
     shuffle(a, from);
 }
 
-/* Joins across the listed walls, last first, what makes it no dearer; a box that grew is looked at again. */
+/* Joins across the listed walls, last first, what makes it no dearer; a box that grew is looked at again. Ends early if the search is cut: each join leaves a complex. */
 static bw_status join_listed(annealer *a) {
     const bw_space *x = a->s->space;
     bw_status status = BW_OK;
@@ -49,12 +49,13 @@ static bw_status join_listed(annealer *a) {
         size_t logged = a->t->logged;
         int64_t before = bw_pricer_total(a->t->pricer);
         bool done;
+        if (++a->joins % 64 == 0 && (bw_poll(a->s->ctx) != BW_OK || bw_search_is_cut(a->s))) break;
         status = bw_tiling_join(a->s->ctx, a->t, p, &done);
         if (status != BW_OK || !done) continue;
         if (bw_pricer_total(a->t->pricer) > before) bw_tiling_undo(a->t, logged);
         else add_sides(a, a->t->box[x->patch_block[p][0]]);
     }
-    return status;
+    return status == BW_OK ? a->s->ctx->error.status : status;
 }
 
 bw_status bw_retract(bw_search *s, bw_tiling *t) {
@@ -126,6 +127,7 @@ bw_status bw_anneal(bw_search *s, bw_tiling *t, uint64_t rounds) {
         else status = cut_some(&a, p);
         if (status == BW_OK) status = join_listed(&a);
         int64_t then = bw_pricer_total(t->pricer);
+        if (s->evaluations % 256 == 0 && status == BW_OK) status = bw_poll(s->ctx);
         if (then > now + slack) {
             bw_tiling_undo(t, 0);
             continue;
@@ -137,7 +139,6 @@ bw_status bw_anneal(bw_search *s, bw_tiling *t, uint64_t rounds) {
             bw_pricer_forget(s->ctx, t->pricer);
             if (status == BW_OK) status = bw_tiling_set(s->ctx, t, t->wall);
         }
-        if (s->evaluations % 256 == 0 && status == BW_OK) status = bw_poll(s->ctx);
     }
     annealer_clear(&a);
     return status;

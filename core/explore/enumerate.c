@@ -31,6 +31,7 @@ typedef struct {
     size_t origin_count, origin_room;
     child *children;
     size_t child_count, child_room;
+    bool open;                 /* a state of this level is no leaf */
     bw_hashset seen, settled, leaves;
     uint64_t *state;           /* scratch */
     uint8_t *wall;             /* scratch [patch] */
@@ -111,7 +112,8 @@ static bw_status list_children(enumerator *e, size_t state, bw_explore_expand ex
     size_t first = e->child_count;
     for (size_t i = 0; i < e->tree.count && status == BW_OK; i++)
         if (bw_tree_bit(words + e->tree.wall_words, i)) e->children[e->child_count++] = (child){0, (uint32_t)state, (uint32_t)i};
-    for (size_t i = first; i < e->child_count && status == BW_OK; i++) {
+    e->open = true;
+    for (size_t i = first; i < e->child_count && status == BW_OK && e->s->cut == BW_CUT_NOT; i++) {
         child *c = &e->children[i];
         if (expand == BW_EXPLORE_EXPAND_RANDOM) {
             c->rank = (int64_t)(bw_search_random(e->s) >> 1);
@@ -122,6 +124,7 @@ static bw_status list_children(enumerator *e, size_t state, bw_explore_expand ex
         bw_tree_finish(&e->tree, e->state);
         bw_search_spent(e->s, UINT64_MAX);
         status = price(e, e->state, &c->rank);
+        if (status == BW_OK && e->s->evaluations % 64 == 0) status = bw_poll(e->s->ctx);
     }
     return status;
 }
@@ -136,7 +139,7 @@ static int by_rank(const void *a, const void *b) {
 /* Settles the states of a level; leaves are priced, what may follow the others is listed. */
 static bw_status expand_level(enumerator *e, bw_explore_expand expand, uint64_t until) {
     bw_status status = BW_OK;
-    e->child_count = 0;
+    e->child_count = 0, e->open = false;
     for (size_t i = 0; i < e->level_count && status == BW_OK; i++) {
         uint64_t *state = e->level + i * e->tree.words;
         e->found->states++;
@@ -147,7 +150,7 @@ static bw_status expand_level(enumerator *e, bw_explore_expand expand, uint64_t 
             e->found->complete = false;
             break;
         }
-        if (i % 256 == 0 && status == BW_OK) status = bw_poll(e->s->ctx);
+        if (i % 64 == 0 && status == BW_OK) status = bw_poll(e->s->ctx);
     }
     return status;
 }
@@ -176,6 +179,7 @@ static bw_status make_next(enumerator *e, size_t beam) {
         if (status != BW_OK || !added) continue;
         status = add_origin(e, e->level_origin[e->children[i].state], e->children[i].sheet, &e->next_origin[e->next_count]);
         e->next_count++;
+        if (status == BW_OK && e->next_count % 256 == 0) status = bw_poll(ctx);
     }
     return status;
 }
@@ -232,7 +236,11 @@ bw_status bw_enumerate(bw_search *s, const uint8_t *around, int32_t component, s
     while (status == BW_OK && e.level_count) {
         found->levels++;
         status = expand_level(&e, expand, until);
-        if (status != BW_OK || !in_reach(&e, until)) break;
+        if (status != BW_OK) break;
+        if (!in_reach(&e, until)) { /* what was listed, or would have been, is not looked at */
+            found->complete = found->complete && !e.open;
+            break;
+        }
         status = make_next(&e, beam);
         if (status == BW_OK) swap_levels(&e);
     }

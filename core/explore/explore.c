@@ -59,10 +59,12 @@ static bw_status reorder_if_better(explorer *e, int32_t component) {
     return status;
 }
 
-static void count_component(const bw_space *x, int32_t component, bw_explore_component *out) {
-    for (size_t s = 0; s < x->sheet_count; s++)
-        if (x->sheet_component[s] == component) out->sheets++, out->links += x->link_begin[s + 1] - x->link_begin[s];
-    out->links /= 2;
+static void count_components(const bw_space *x, bw_explore_component *out) {
+    for (size_t s = 0; s < x->sheet_count; s++) {
+        size_t c = (size_t)x->sheet_component[s];
+        if (c < x->component_count) out[c].sheets++, out[c].links += x->link_begin[s + 1] - x->link_begin[s];
+    }
+    for (size_t c = 0; c < x->component_count; c++) out[c].links /= 2;
 }
 
 /* Work that a component may still have, so that those after it, and other methods, have some too. */
@@ -121,7 +123,7 @@ static bw_status enumerate_components(explorer *e) {
 
 /* The cost of the order at hand; it is what serial insertion came to so far. */
 static bw_status price_order(explorer *e, double *cost, size_t *blocks) {
-    int64_t price;
+    int64_t price = 0;
     bw_status status = bw_search_price_serial(&e->search, &e->serial, &price);
     *cost = bw_cost_value(price), *blocks = e->search.regions.count;
     return status;
@@ -207,7 +209,7 @@ static bw_status prepare(explorer *e, bw_pricer **pricer) {
     if (status == BW_OK) status = bw_serial_init(e->ctx, x, &e->serial);
     if (status != BW_OK) return status;
     e->search.work = c->work, e->search.seconds = c->seconds;
-    for (size_t i = 0; i < x->component_count; i++) count_component(x, (int32_t)i, &e->component[i]);
+    count_components(x, e->component);
     return BW_OK;
 }
 

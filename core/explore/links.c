@@ -15,6 +15,8 @@ typedef struct {
     bw_space *space;
     uint8_t *always;
     int32_t *place;   /* [patch] index in sheet_patch of the sheet that is looked at, plus one; 0: not of it */
+    int32_t *list;    /* [patch] scratch: places in sheet_patch */
+    bw_sheet *watched, *met; /* [patch], [sheet] the last sheet that has noted it */
     uint8_t *settled; /* [patch] a wall in any order */
     int32_t *member;  /* [place in of_patch] the same pair's place in sheet_patch */
     uint8_t *matters; /* [sheet] */
@@ -41,23 +43,20 @@ static void place_sheet(links *l, bw_sheet sheet, bool on) {
 /* From the seeds over all rims at which nothing can stand in the way. */
 static void spread(links *l, bw_sheet sheet) {
     const bw_space *s = l->space;
-    size_t begin = s->sheet_begin[sheet], end = s->sheet_begin[sheet + 1];
-    for (size_t i = begin; i < begin + (size_t)s->sheet_seeds[sheet]; i++) l->always[i] = 1;
-    for (bool grew = true; grew;) {
-        grew = false;
-        for (size_t i = begin; i < end; i++) {
-            bw_patch p = s->sheet_patch[i];
-            for (size_t k = s->rim_begin[p]; k < s->rim_begin[p + 1] && l->always[i]; k++) {
-                const bw_rim *r = &s->rim[k];
-                if (r->straight == BW_NONE || is_crossed(s, r)) continue;
-                size_t next = (size_t)l->place[r->straight] - 1;
-                grew = grew || !l->always[next];
-                l->always[next] = 1;
-            }
+    size_t begin = s->sheet_begin[sheet], count = (size_t)s->sheet_seeds[sheet];
+    for (size_t i = 0; i < count; i++) l->always[begin + i] = 1, l->list[i] = (int32_t)(begin + i);
+    for (size_t at = 0; at < count; at++) {
+        bw_patch p = s->sheet_patch[l->list[at]];
+        l->settled[p] = 1;
+        for (size_t k = s->rim_begin[p]; k < s->rim_begin[p + 1]; k++) {
+            const bw_rim *r = &s->rim[k];
+            if (r->straight == BW_NONE || is_crossed(s, r)) continue;
+            int32_t next = l->place[r->straight] - 1;
+            if (l->always[next]) continue;
+            l->always[next] = 1;
+            l->list[count++] = next;
         }
     }
-    for (size_t i = begin; i < end; i++)
-        if (l->always[i]) l->settled[s->sheet_patch[i]] = 1;
 }
 
 static bw_status add_pair(bw_context *ctx, pairs *list, uint64_t a, uint64_t b) {
@@ -138,9 +137,12 @@ static bw_status link_here(links *l, bw_sheet sheet, const bw_rim *r) {
     bw_status status = BW_OK;
     for (int side = 0; side < 2 && status == BW_OK; side++) {
         bw_patch b = r->beside[side];
+        if (l->watched[b] == sheet) continue;
+        l->watched[b] = sheet;
         status = add_pair(l->ctx, &l->watchers, (uint64_t)b, (uint64_t)sheet);
         for (size_t k = s->of_patch_begin[b]; k < s->of_patch_begin[b + 1] && status == BW_OK && l->matters[sheet]; k++) {
-            if (s->of_patch[k] == sheet) continue;
+            if (s->of_patch[k] == sheet || l->met[s->of_patch[k]] == sheet) continue;
+            l->met[s->of_patch[k]] = sheet;
             status = add_pair(l->ctx, &l->linked, (uint64_t)sheet, (uint64_t)s->of_patch[k]);
             if (status == BW_OK) status = add_pair(l->ctx, &l->linked, (uint64_t)s->of_patch[k], (uint64_t)sheet);
         }
@@ -155,6 +157,7 @@ static bw_status find_crossings(links *l) {
         place_sheet(l, sheet, true);
         spread(l, sheet);
         place_sheet(l, sheet, false);
+        if ((status = bw_poll(l->ctx)) != BW_OK) return status;
     }
     status = find_what_matters(l);
     l->counting = true;
@@ -194,17 +197,21 @@ bw_status bw_sheets_link(bw_context *ctx, bw_space *s) {
     size_t all = s->sheet_begin[s->sheet_count];
     links l = {.ctx = ctx, .space = s, .always = bw_alloc(ctx, all, 1), .place = bw_alloc(ctx, s->patch_count, sizeof *l.place),
                .settled = bw_alloc(ctx, s->patch_count, 1), .member = bw_alloc(ctx, all, sizeof *l.member), .matters = bw_alloc(ctx, s->sheet_count, 1),
-               .queue = bw_alloc(ctx, s->sheet_count, sizeof *l.queue)};
+               .queue = bw_alloc(ctx, s->sheet_count, sizeof *l.queue), .list = bw_alloc(ctx, s->patch_count, sizeof *l.list),
+               .watched = bw_alloc(ctx, s->patch_count, sizeof *l.watched), .met = bw_alloc(ctx, s->sheet_count, sizeof *l.met)};
     bw_status status = ctx->error.status;
     if (status == BW_OK) {
         bw_sheets_pair(s, l.place, l.member);
         memset(l.place, 0, s->patch_count * sizeof *l.place);
+        memset(l.watched, 0xff, s->patch_count * sizeof *l.watched);
+        memset(l.met, 0xff, s->sheet_count * sizeof *l.met);
         status = find_crossings(&l);
     }
     if (status == BW_OK) status = list_pairs(ctx, &l.watchers, s->patch_count, &s->watcher_begin, &s->watcher);
     if (status == BW_OK) status = list_pairs(ctx, &l.linked, s->sheet_count, &s->link_begin, &s->link);
     if (status == BW_OK) status = find_components(&l);
     bw_free(ctx, l.always), bw_free(ctx, l.place), bw_free(ctx, l.settled), bw_free(ctx, l.member), bw_free(ctx, l.matters), bw_free(ctx, l.queue);
+    bw_free(ctx, l.list), bw_free(ctx, l.watched), bw_free(ctx, l.met);
     bw_free(ctx, l.watchers.item), bw_free(ctx, l.linked.item);
     return status;
 }

@@ -26,13 +26,18 @@ uint64_t bw_search_random(bw_search *s) {
     return z ^ z >> 31;
 }
 
-bool bw_search_spent(bw_search *s, uint64_t until) {
+bool bw_search_is_cut(bw_search *s) {
     const bw_memory *memory = &s->ctx->memory;
+    if (s->ctx->finish && *s->ctx->finish) s->cut = BW_CUT_FINISH, s->ctx->finished = true;
+    else if (memory->limit && memory->used > memory->limit - memory->limit / 8) s->cut = BW_CUT_MEMORY; /* the rest is for what comes after */
+    else if (s->seconds > 0 && bw_seconds_now() - s->since > s->seconds) s->cut = BW_CUT_TIME;
+    return s->cut != BW_CUT_NOT;
+}
+
+bool bw_search_spent(bw_search *s, uint64_t until) {
     s->evaluations++;
     if (s->evaluations % 64 == 0) {
-        if (s->ctx->finish && *s->ctx->finish) s->cut = BW_CUT_FINISH, s->ctx->finished = true;
-        else if (memory->limit && memory->used > memory->limit - memory->limit / 8) s->cut = BW_CUT_MEMORY; /* the rest is for what comes after */
-        else if (s->seconds > 0 && bw_seconds_now() - s->since > s->seconds) s->cut = BW_CUT_TIME;
+        bw_search_is_cut(s);
         if (s->evaluations % 1024 == 0 && s->work != UINT64_MAX) bw_progress(s->ctx, (double)s->evaluations / (double)s->work);
     }
     return s->cut != BW_CUT_NOT || s->evaluations >= until || s->evaluations >= s->work;

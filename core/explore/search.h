@@ -45,6 +45,8 @@ void bw_search_clear(bw_search *search);
 uint64_t bw_search_random(bw_search *search);                        /* splitmix64 */
 static inline size_t bw_search_below(bw_search *search, size_t bound) { return (size_t)(bw_search_random(search) % bound); }
 
+/* Whether the search was cut, asked anew; counts nothing. */
+bool bw_search_is_cut(bw_search *search);
 /* Counts an evaluation. True if there may be no more: the work is done, or the search was cut. */
 bool bw_search_spent(bw_search *search, uint64_t until);
 /* Cost of a set of walls, which is completed (regions.h) in search->wall. Keeps it if it is the best. BW_E_CHECK if the walls are no complex. */

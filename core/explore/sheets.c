@@ -160,6 +160,7 @@ static bw_status flood_sheets(bw_context *ctx, bw_space *s, seeds *from) {
 
 static bw_status list_by_patch(bw_context *ctx, bw_space *s) {
     size_t all = s->sheet_begin[s->sheet_count];
+    if (all >= INT32_MAX) return bw_fail(ctx, BW_E_LIMIT, "the sheets of the base complex have %zu patches together, too many to search it", all);
     s->of_patch_begin = bw_alloc(ctx, s->patch_count + 2, sizeof *s->of_patch_begin);
     s->of_patch = bw_alloc(ctx, all, sizeof *s->of_patch);
     if (ctx->error.status != BW_OK) return ctx->error.status;

@@ -59,7 +59,8 @@ typedef struct {
     size_t variable_patches;        /* walls in some orders only */
 } bw_space;
 
-/* Reads a complex, which need not be kept, with its cells. Errors: BW_E_MEMORY, BW_E_CANCELLED; BW_E_CHECK if the complex contradicts itself. */
+/* Reads a complex, which need not be kept, with its cells. Errors: BW_E_MEMORY, BW_E_CANCELLED; BW_E_LIMIT if its sheets have 2^31 patches
+ * together; BW_E_CHECK if the complex contradicts itself. */
 bw_status bw_space_init(bw_context *ctx, const bw_cells *cells, const bw_complex *complex, bw_space *space);
 void bw_space_clear(bw_context *ctx, bw_space *space);
 

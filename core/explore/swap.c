@@ -38,6 +38,7 @@ bw_status bw_swap(bw_search *s, bw_serial *serial, uint64_t until, int64_t *cost
                 if (bw_search_spent(s, until)) return bw_poll(s->ctx);
                 status = try_swap(s, serial, a, x->link[i], cost, &gain);
                 helped = helped || gain;
+                if (status == BW_OK && s->evaluations % 64 == 0) status = bw_poll(s->ctx);
             }
         if (status == BW_OK) status = bw_poll(s->ctx);
     }

@@ -122,6 +122,14 @@ bw_status bw_tiling_init(bw_context *ctx, const bw_space *s, bw_pricer *pricer, 
 
 /* ---- cuts ---------------------------------------------------------------------------------------------------------- */
 
+/* Marks of earlier rounds no longer count. */
+static void next_round(bw_tiling *t) {
+    if (++t->round) return;
+    memset(t->mark, 0, t->space->patch_count * sizeof *t->mark);
+    memset(t->seen, 0, t->space->block_count * sizeof *t->seen);
+    t->round = 1;
+}
+
 static bool add_to_face(bw_tiling *t, bw_patch p) {
     if (t->mark[p] == t->round) return false;
     t->mark[p] = t->round;
@@ -134,7 +142,7 @@ static bool is_wall(const bw_tiling *t, bw_patch p) { return p != BW_NONE && t->
 /* The plane of an open patch across its box. False if the base complex does not have all of it. */
 static bool plane_across(bw_tiling *t, bw_patch p) {
     const bw_space *s = t->space;
-    t->round++;
+    next_round(t);
     t->face_count = 0;
     add_to_face(t, p);
     for (size_t at = 0; at < t->face_count; at++)
@@ -193,7 +201,7 @@ bw_status bw_tiling_cut(bw_context *ctx, bw_tiling *t, bw_patch p, bool *done) {
 /* The side of both boxes that a wall is, if it is one of both; false otherwise, or if some of it stays. */
 static bool common_side(bw_tiling *t, bw_patch p) {
     const bw_space *s = t->space;
-    t->round++;
+    next_round(t);
     t->face_count = 0;
     add_to_face(t, p);
     for (size_t at = 0; at < t->face_count; at++) {
@@ -238,7 +246,7 @@ size_t bw_tiling_sides(bw_tiling *t, bw_block name, bw_patch *out) {
     const bw_space *s = t->space;
     size_t count = 1, sides = 0;
     t->queue[0] = name;
-    t->round++;
+    next_round(t);
     for (size_t at = 0; at < count; at++) {
         bw_block b = t->queue[at];
         for (size_t i = s->side_begin[b]; i < s->side_begin[b + 1]; i++) {

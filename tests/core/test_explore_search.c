@@ -120,6 +120,39 @@ static void enumeration_finds_what_all_orders_give(void **state) {
     assert_true(compared >= 2);
 }
 
+/* However the states of a level are ranked, and wherever the work ends: only an enumeration that saw all leaves says so. */
+static void an_enumeration_that_is_cut_short_is_not_complete(void **state) {
+    (void)state;
+    explorable e;
+    searching s;
+    explorable_open(&e, &(explore_case){"bearing", 2, 1, 0});
+    searching_open(&s, &e, blocks_only);
+    bw_sheet *part = malloc(e.space.sheet_count * sizeof *part);
+    assert_non_null(part);
+    bw_serial_insert(&e.serial, e.order);
+    walls_around(&e, 0);
+    for (int expand = BW_EXPLORE_EXPAND_RANDOM; expand <= BW_EXPLORE_EXPAND_CHEAPEST; expand++) {
+        bw_enumeration all, some;
+        size_t complete = 0;
+        s.search.evaluations = 0;
+        kit_expect_ok(&e.model.ctx, bw_enumerate(&s.search, e.wall, 0, SIZE_MAX, (bw_explore_expand)expand, UINT64_MAX, part, &all));
+        assert_true(all.complete && all.leaves > 1);
+        uint64_t whole = s.search.evaluations;
+        for (uint64_t until = 1; until <= whole + 1; until++) {
+            s.search.evaluations = 0;
+            kit_expect_ok(&e.model.ctx, bw_enumerate(&s.search, e.wall, 0, SIZE_MAX, (bw_explore_expand)expand, until, part, &some));
+            if (some.complete && some.leaves != all.leaves)
+                fail_msg("ranked by %d, %llu evaluations: %llu of %llu leaves are called all", expand, (unsigned long long)until, (unsigned long long)some.leaves,
+                         (unsigned long long)all.leaves);
+            complete += some.complete;
+        }
+        assert_true(complete > 0);
+    }
+    free(part);
+    searching_close(&s, &e);
+    explorable_close(&e);
+}
+
 /* Orders by chance never lead out of what a complete enumeration saw. */
 static void no_order_is_better_than_the_proven_optimum(void **state) {
     (void)state;
@@ -185,6 +218,38 @@ static void a_search_that_is_asked_to_finish_keeps_the_best(void **state) {
     explorable_close(&e);
 }
 
+/* Retraction counts no evaluations, but may take long all the same. */
+static void a_retraction_can_be_cancelled_or_asked_to_finish(void **state) {
+    (void)state;
+    for (int cancelled = 0; cancelled < 2; cancelled++) {
+        explorable e;
+        searching s;
+        bw_tiling t;
+        volatile sig_atomic_t now = 1;
+        explorable_open(&e, &(explore_case){"bearing", 2, 2, 1e-5});
+        bw_context *ctx = &e.model.ctx;
+        searching_open(&s, &e, blocks_only);
+        memset(e.wall, 1, e.space.patch_count);
+        kit_expect_ok(ctx, bw_tiling_init(ctx, &e.space, s.pricer, e.space.must, e.wall, &t));
+        size_t before = t.count;
+        if (cancelled) ctx->cancel = &now;
+        else ctx->finish = &now;
+        kit_expect_status(ctx, bw_retract(&s.search, &t), cancelled ? BW_E_CANCELLED : BW_OK);
+        if (!cancelled) {
+            assert_int_equal(s.search.cut, BW_CUT_FINISH);
+            kit_expect_ok(ctx, bw_tiling_check(ctx, &t));
+            assert_int_equal(explorable_build(&e, t.wall), t.count);
+            ctx->finish = NULL, s.search.cut = BW_CUT_NOT;
+            size_t then = t.count;
+            kit_expect_ok(ctx, bw_retract(&s.search, &t)); /* what was left to do */
+            assert_true(t.count < then && then <= before);
+        }
+        bw_tiling_clear(ctx, &t);
+        searching_close(&s, &e);
+        explorable_close(&e);
+    }
+}
+
 /* ---- tilings ------------------------------------------------------------------------------------------------------- */
 
 static void cuts_and_joins_keep_a_tiling_and_can_be_undone(void **state) {
@@ -201,6 +266,7 @@ static void cuts_and_joins_keep_a_tiling_and_can_be_undone(void **state) {
         bw_serial_walls(&e.serial, e.wall);
         assert_true(bw_regions_close(&e.regions, e.wall));
         kit_expect_ok(ctx, bw_tiling_init(ctx, &e.space, s.pricer, e.space.must, e.wall, &t));
+        t.round = UINT32_MAX - 20; /* a long search comes there, and then begins to count anew */
         kit_random random = kit_random_start(400 + (uint64_t)i);
         size_t cuts = 0, joins = 0;
         for (int round = 0; round < 200; round++) {
@@ -322,9 +388,11 @@ static void every_allocation_may_fail(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(enumeration_finds_what_all_orders_give),
+        cmocka_unit_test(an_enumeration_that_is_cut_short_is_not_complete),
         cmocka_unit_test(no_order_is_better_than_the_proven_optimum),
         cmocka_unit_test(what_a_method_counts_is_what_is_built),
         cmocka_unit_test(a_search_that_is_asked_to_finish_keeps_the_best),
+        cmocka_unit_test(a_retraction_can_be_cancelled_or_asked_to_finish),
         cmocka_unit_test(cuts_and_joins_keep_a_tiling_and_can_be_undone),
         cmocka_unit_test(a_damaged_tiling_is_found),
         cmocka_unit_test(a_damaged_space_is_found),
