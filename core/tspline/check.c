@@ -41,6 +41,7 @@ static bw_status check_cells(checker *c, bw_block block, mpz_t volume) {
     for (size_t i = m->cell_begin[block]; i < m->cell_begin[block + 1]; i++) {
         const bw_tcell *cell = &m->cell[i];
         int64_t extent[3];
+        if (i % 256 == 0 && bw_poll(c->ctx)) return c->ctx->error.status;
         if (cell->block != block) return fault(c, "cell", i, "it is listed with another block");
         for (int k = 0; k < 3; k++) {
             extent[k] = cell->high[k] - cell->low[k];
@@ -203,7 +204,7 @@ static bw_status check_rib(checker *c, bw_block block, const bw_rib *rib) {
         if (c->at[i] != (part ? m->cut[m->cut_begin[rib->arc] + part - 1] : 0)) return fault(c, "arc", (size_t)rib->arc, "the cells around it are not cut alike");
     }
     c->cells_at[rib->arc] += (int32_t)quarters;
-    return BW_OK;
+    return bw_poll(c->ctx);
 }
 
 static bw_status check_tubes(checker *c) {

@@ -47,7 +47,7 @@ static bw_status join_in_block(face_list *f, bw_block block) {
                 if (meet((const int64_t(*)[3])box[0], (const int64_t(*)[3])box[1], box[2]))
                     status = add_face(f, (const int64_t(*)[3])box[2], a, side, (int32_t)b, side ^ 1, BW_NONE);
             }
-    return status;
+    return status == BW_OK ? bw_poll(f->ctx) : status;
 }
 
 /* A box carried along a transition. */
@@ -94,7 +94,7 @@ static bw_status join_at_patch(face_list *f, bw_patch patch) {
         status = x->patch_block[patch][1] == BW_NONE ? add_face(f, (const int64_t(*)[3])box, a, side, BW_NONE, 0, patch)
                                                      : join_beyond(f, patch, a, (const int64_t(*)[3])box);
     }
-    return status;
+    return status == BW_OK ? bw_poll(f->ctx) : status;
 }
 
 bw_status bw_tmesh_join(bw_context *ctx, bw_tmesh *mesh) {

@@ -83,10 +83,10 @@ typedef struct {
 bool bw_tmesh_is_extraordinary(const bw_complex *complex, bw_arc arc);
 
 /* Requires an atlas that bw_atlas_check accepts, of positive lengths: those of quantization, or arc_length itself. BW_E_USAGE if one is not positive, BW_E_RANGE if a block is longer than
- * 2^56; BW_E_LIMIT beyond 2^31 - 1 cells or points. O(sum over blocks of cells^2), which are few. */
+ * 2^56; BW_E_LIMIT beyond 2^31 - 1 cells or points; BW_E_CANCELLED. O(sum over blocks of cells^2), which are few. */
 bw_status bw_tmesh_init(bw_context *ctx, const bw_atlas *atlas, bw_tmesh *mesh);
 void bw_tmesh_clear(bw_context *ctx, bw_tmesh *mesh);
-/* BW_E_CHECK naming the first violation. */
+/* BW_E_CHECK naming the first violation; BW_E_CANCELLED. */
 bw_status bw_tmesh_check(bw_context *ctx, const bw_tmesh *mesh);
 
 /* Position of every vertex in the input's space, in doubles. O(n log n). */

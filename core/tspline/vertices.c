@@ -4,6 +4,8 @@
 
 #include "tspline/parts.h"
 
+enum { OFTEN = 256 }; /* points between questions whether to go on */
+
 typedef struct {
     bw_context *ctx;
     bw_tmesh *mesh;
@@ -198,6 +200,7 @@ static bw_status find_joints(numberer *n) {
     bw_tmesh *mesh = n->mesh;
     for (size_t i = 0; i < mesh->point_count; i++) {
         const bw_tpoint *p = &mesh->point[i];
+        if (i % OFTEN == 0 && bw_poll(n->ctx)) return n->ctx->error.status;
         for (size_t c = mesh->cell_begin[p->block]; c < mesh->cell_begin[p->block + 1]; c++) {
             int inside = inside_of(&mesh->cell[c], p->at);
             if (inside < 0) continue;
@@ -219,7 +222,10 @@ static int compare_joints(const void *a, const void *b) {
 bw_status bw_tmesh_number(bw_context *ctx, bw_tmesh *mesh) {
     numberer n = {.ctx = ctx, .mesh = mesh};
     bw_status status = add_corners(&n);
-    for (size_t i = 0; i < mesh->point_count && status == BW_OK; i++) status = follow(&n, (int32_t)i);
+    for (size_t i = 0; i < mesh->point_count && status == BW_OK; i++) {
+        status = follow(&n, (int32_t)i);
+        if (i % OFTEN == 0 && status == BW_OK) status = bw_poll(ctx);
+    }
     if (status == BW_OK) status = number_vertices(&n);
     if (status == BW_OK) status = list_along(&n);
     if (status == BW_OK) status = find_joints(&n);

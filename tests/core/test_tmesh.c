@@ -313,6 +313,28 @@ static void every_failing_allocation_is_reported_and_nothing_leaks(void **state)
     close_sample(&s);
 }
 
+static void each_step_and_the_check_can_be_cancelled(void **state) {
+    (void)state;
+    static bw_status (*const step[])(bw_context *ctx, bw_tmesh *mesh) = {bw_tmesh_cut, bw_tmesh_number, bw_tmesh_join};
+    volatile sig_atomic_t cancel = 0;
+    sample s;
+    open_sample(&s, "cylinder", 1, BW_COMPLEX_MC, BW_REDUCE_FULL, 1);
+    bw_context *ctx = &s.r.ctx;
+    ctx->cancel = &cancel;
+    for (size_t at = 0; at <= sizeof step / sizeof *step; at++) { /* the step at which it is asked for; the last is the check */
+        bw_tmesh mesh = {.atlas = &s.atlas};
+        cancel = 0;
+        kit_expect_ok(ctx, bw_tmesh_find_thickness(ctx, &mesh));
+        for (size_t i = 0; i < at; i++) kit_expect_ok(ctx, step[i](ctx, &mesh));
+        cancel = 1;
+        kit_expect_status(ctx, at < sizeof step / sizeof *step ? step[at](ctx, &mesh) : bw_tmesh_check(ctx, &mesh), BW_E_CANCELLED);
+        bw_tmesh_clear(ctx, &mesh);
+        ctx->error.status = BW_OK;
+    }
+    ctx->cancel = NULL;
+    close_sample(&s);
+}
+
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(every_variant_of_every_model_has_a_valid_t_mesh),
     cmocka_unit_test(volumes_of_cells_add_up_to_that_of_the_map),
@@ -325,6 +347,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(the_check_notices_what_is_wrong),
     cmocka_unit_test(a_complex_that_is_not_refined_is_not_accepted),
     cmocka_unit_test(every_failing_allocation_is_reported_and_nothing_leaks),
+    cmocka_unit_test(each_step_and_the_check_can_be_cancelled),
 };
 
 KIT_MAIN(tests)
