@@ -673,18 +673,24 @@ static bwh_status read_listed(decoder *d, const bwh_part *part) {
 
 /* ---- all of it ----------------------------------------------------------------------------------------------------- */
 
+/* NULL too if the size is more than a size_t holds, as it may be where that has 32 bits. */
+static void *room_for(size_t count, size_t size) {
+    if (count > SIZE_MAX / size) return NULL;
+    return malloc(count ? count * size : 1);
+}
+
 static bwh_status read_mesh(decoder *d) {
     bwh_mesh *m = d->mesh;
-    size_t v = m->vertex_count ? m->vertex_count : 1, h = m->hex_count ? m->hex_count : 1;
-    m->position = malloc(v * sizeof *m->position);
-    m->held = malloc(v);
-    m->hex = malloc(h * sizeof *m->hex);
-    m->block = malloc(h * sizeof *m->block);
-    m->ijk = malloc(h * sizeof *m->ijk);
-    d->bits = malloc(v * sizeof *d->bits);
-    d->sign = malloc(v * sizeof *d->sign);
-    d->seen = calloc(v, sizeof *d->seen);
-    d->row = malloc(v * sizeof *d->row);
+    size_t v = m->vertex_count, h = m->hex_count;
+    m->position = room_for(v, sizeof *m->position);
+    m->held = room_for(v, 1);
+    m->hex = room_for(h, sizeof *m->hex);
+    m->block = room_for(h, sizeof *m->block);
+    m->ijk = room_for(h, sizeof *m->ijk);
+    d->bits = room_for(v, sizeof *d->bits);
+    d->sign = room_for(v, sizeof *d->sign);
+    d->seen = calloc(v ? v : 1, sizeof *d->seen);
+    d->row = room_for(v, sizeof *d->row);
     if (!m->position || !m->held || !m->hex || !m->block || !m->ijk || !d->bits || !d->sign || !d->seen || !d->row) return BWH_MEMORY;
     memset(d->row, 0xff, v * sizeof *d->row);
     bwh_status status = BWH_OK;
