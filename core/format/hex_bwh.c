@@ -247,8 +247,10 @@ static bw_status put_grid(encoder *e, const uint32_t n[3]) {
     bw_status status = BW_OK;
     e->first = (int32_t)e->places.count, e->last = -1, e->block_count++;
     for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
-        for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
+        for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++) {
+            if (p.x[1] % 256 == 0 && bw_poll(e->ctx)) return e->ctx->error.status;
             for (p.x[0] = 0; p.x[0] <= n[0]; p.x[0]++, p.at++) put_point(e, &p);
+        }
     p.at = e->grid;
     for (p.x[2] = 0; p.x[2] <= n[2]; p.x[2]++)
         for (p.x[1] = 0; p.x[1] <= n[1]; p.x[1]++)
@@ -323,7 +325,10 @@ static bw_status put_part(encoder *e, size_t g, bool is_grid) {
         if (status != BW_OK) return status;
     } else {
         listed last = {{-1, -1, -1, -1, -1, -1, -1, -1}, {0}};
-        for (size_t i = e->blocks.begin[g]; i < e->blocks.begin[g + 1]; i++) put_hex(e, e->mesh->hex[e->blocks.item[i]], &last);
+        for (size_t i = e->blocks.begin[g]; i < e->blocks.begin[g + 1]; i++) {
+            if (i % 65536 == 0 && bw_poll(e->ctx)) return e->ctx->error.status;
+            put_hex(e, e->mesh->hex[e->blocks.item[i]], &last);
+        }
     }
     return e->ctx->error.status == BW_OK ? bw_poll(e->ctx) : e->ctx->error.status;
 }

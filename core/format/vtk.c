@@ -295,6 +295,8 @@ static bw_status begin_attributes(reader *r, owner of) {
     if (status == BW_OK) status = end_of_line(r);
     if (status != BW_OK) return status;
     r->owner = of;
+    if (of == OF_CELLS ? !r->grid.begin : !r->grid.mesh->position)
+        return bw_scan_fail(&r->scan, BW_E_SYNTAX, "data of %s come before the %s", of == OF_CELLS ? "cells" : "points", of == OF_CELLS ? "cells" : "points");
     size_t wanted = of == OF_CELLS ? r->grid.cell_count : r->grid.mesh->vertex_count;
     if (r->rows < 0 || (size_t)r->rows != wanted)
         return bw_scan_fail(&r->scan, BW_E_COUNT, "data of %lld %s, but there are %zu", (long long)r->rows,

@@ -7,6 +7,7 @@
 #include "format/input_mesh.h"
 
 enum { BLOCK = 256 }; /* values converted at a time; of text one, so that errors tell their line */
+enum { OFTEN = 65536 }; /* values passed between questions whether to go on */
 
 static size_t block_of(bw_vtk_format format, size_t left) {
     return format.coding == BW_VTK_TEXT ? 1 : left < BLOCK ? left : BLOCK;
@@ -122,7 +123,10 @@ bw_status bw_vtk_pass(bw_scan *s, bw_vtk_format format, uint64_t count) {
         return bw_scan_bytes(s, bw_vtk_size(format.type) * (size_t)count, &bytes);
     bw_word word;
     bw_status status = BW_OK;
-    for (uint64_t i = 0; i < count && status == BW_OK; i++) status = bw_scan_word(s, &word);
+    for (uint64_t i = 0; i < count && status == BW_OK; i++) {
+        status = bw_scan_word(s, &word);
+        if (i % OFTEN == 0 && status == BW_OK) status = bw_poll(s->ctx);
+    }
     return status;
 }
 

@@ -167,6 +167,7 @@ static bw_status inflate_all(source *from, uint64_t size, uint8_t **out) {
     for (uint64_t i = 0, at = 0; i < b.count && status == BW_OK; i++) {
         uint64_t part = i + 1 == b.count && b.last ? b.last : b.size;
         status = take(from, packed, b.packed[i]);
+        if (i % 256 == 0 && status == BW_OK) status = bw_poll(ctx);
         if (status == BW_OK) status = inflate_block(from->scan, packed, b.packed[i], *out + at, part);
         at += part;
     }

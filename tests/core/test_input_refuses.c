@@ -87,6 +87,8 @@ static void legacy_vtk(void **state) {
         {"10\n10\n10\n10", "10\n12\n10\n10", BW_E_SYNTAX, "cell", 1, "a cell of type 12 has 8 corners, not 4"},
         {"10\n10\n10\n10", "10\n5\n10\n10", BW_E_SYNTAX, "cell", 1, "a cell of type 5 has 3 corners, not 4"},
         {"CELL_DATA 11", "CELL_DATA 12", BW_E_COUNT, NULL, 0, "data of 12 cells, but there are 11"},
+        {"CELLS 11", "CELL_DATA 0\nFIELD f 1\nparametrization 12 0 double\nCELLS 11", BW_E_SYNTAX, "line", 15, "data of cells come before the cells"},
+        {"POINTS 8", "POINT_DATA 0\nPOINTS 8", BW_E_SYNTAX, "line", 6, "data of points come before the points"},
         {"parametrization 12 11", "parametrization 11 12", BW_E_SYNTAX, NULL, 0,
          "no cell array has 12 components"},
         {"parametrization 12 11", "parametrization 12 10", BW_E_COUNT, NULL, 0, "not one per cell"},
