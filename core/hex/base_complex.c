@@ -8,6 +8,7 @@ typedef struct {
     int face, edge;
 } flag;
 
+enum { OFTEN = 65536 }; /* hexes or quads between questions whether to go on */
 enum { SEEN = 1, IRREGULAR = 2, CROSSED = 4 /* inside and regular: sheets go on */ };
 
 /* Hexes by what is beyond their faces alone. */
@@ -89,8 +90,9 @@ static void go_on(search *s, uint32_t quad) {
     }
 }
 
-static void unite(search *s, bw_block *block) {
+static bw_status unite(bw_context *ctx, search *s, bw_block *block) {
     for (size_t h = 0; h < s->count; h++) {
+        if (h % OFTEN == 0 && bw_poll(ctx)) return ctx->error.status;
         if (block[h] != BW_NONE) continue;
         block[h] = (bw_block)s->found->blocks;
         s->stack[s->depth++] = (uint32_t)h;
@@ -105,6 +107,7 @@ static void unite(search *s, bw_block *block) {
         }
         s->found->blocks++;
     }
+    return BW_OK;
 }
 
 /* Requires mate and turn, which are freed. */
@@ -116,12 +119,17 @@ static bw_status find(bw_context *ctx, search *s, bw_block *block) {
     s->stack = bw_alloc(ctx, 3 * n, sizeof *s->stack); /* a quad inside is in two hexes */
     bw_status status = ctx->error.status;
     if (status != BW_OK) goto out;
-    for (uint32_t h = 0; h < n; h++)
+    for (uint32_t h = 0; h < n; h++) {
+        if (h % OFTEN == 0 && (status = bw_poll(ctx)) != BW_OK) goto out;
         for (int e = 0; e < 12; e++)
             if (!s->edge[h][e]) look_around(s, h, e);
-    while (s->depth) go_on(s, s->stack[--s->depth]);
+    }
+    for (size_t i = 0; s->depth; i++) {
+        if (i % OFTEN == 0 && (status = bw_poll(ctx)) != BW_OK) goto out;
+        go_on(s, s->stack[--s->depth]);
+    }
     for (size_t h = 0; h < n; h++) own[h] = BW_NONE;
-    unite(s, own);
+    status = unite(ctx, s, own);
 out:
     bw_free(ctx, s->mate), bw_free(ctx, s->turn), bw_free(ctx, s->edge), bw_free(ctx, s->wall), bw_free(ctx, s->stack);
     if (own != block) bw_free(ctx, own);
@@ -216,6 +224,7 @@ bw_status bw_hex_plan_base_complex(bw_context *ctx, const bw_hex_plan *plan, bw_
         for (cube.centre[2] = 1; cube.centre[2] < n[2]; cube.centre[2] += 2)
             for (cube.centre[1] = 1; cube.centre[1] < n[1]; cube.centre[1] += 2)
                 for (cube.centre[0] = 1; cube.centre[0] < n[0] && status == BW_OK; cube.centre[0] += 2) status = join_cube(ctx, plan, begin, &cube, &s);
+        if (status == BW_OK) status = bw_poll(ctx);
     }
     bw_free(ctx, begin);
     if (status == BW_OK) return find(ctx, &s, NULL);

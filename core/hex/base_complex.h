@@ -15,7 +15,7 @@ typedef struct {
     uint64_t irregular_edges; /* inside with other than four hexes, on the boundary with other than two */
 } bw_hex_base_complex;
 
-/* Requires a mesh that bw_hex_mesh_check accepts. block: [hex] its block, numbered by first hex; NULL: not wanted. O(hexes). Errors: BW_E_MEMORY; BW_E_LIMIT beyond 350 million hexes. */
+/* Requires a mesh that bw_hex_mesh_check accepts. block: [hex] its block, numbered by first hex; NULL: not wanted. O(hexes). Errors: BW_E_MEMORY, BW_E_CANCELLED; BW_E_LIMIT beyond 350 million hexes. */
 bw_status bw_hex_find_base_complex(bw_context *ctx, const bw_hex_mesh *mesh, bw_hex_base_complex *found, bw_block *block);
 
 /* The same of the mesh that a quantization promises, which need not be made. Also BW_E_CHECK if the plan has a gap. O(hexes * squares of a side). */

@@ -11,10 +11,10 @@ static int64_t n_log_n(uint64_t n) {
 
 /* ---- the lattice --------------------------------------------------------------------------------------------------- */
 
-/* What is outside by rounding is put on the box. */
+/* What is outside by rounding is put on the box; what is no number, for a prediction may leave the range of doubles, at its low end. */
 static int32_t on_lattice(const bw_predictor *p, double x, int k) {
     double most = (double)((1 << p->bits) - 1), at = rint((x - p->low[k]) / p->extent[k] * most);
-    return (int32_t)(at < 0 ? 0 : at > most ? most : at);
+    return (int32_t)(at > 0 ? at < most ? at : most : 0);
 }
 
 void bw_predict_box(const double (*position)[3], size_t count, double low[3], double high[3]) {

@@ -128,6 +128,20 @@ static bw_status find(bw_context *ctx, void *user) {
     return bw_hex_find_base_complex(ctx, user, &found, NULL);
 }
 
+static void it_can_be_cancelled(void **state) {
+    (void)state;
+    volatile sig_atomic_t cancel = 1;
+    bw_context ctx;
+    bw_hex_mesh hex;
+    bw_context_init(&ctx);
+    hex_kit_sample(&ctx, HEX_KIT_O_GRID, &hex);
+    size_t used = ctx.memory.used;
+    ctx.cancel = &cancel;
+    kit_expect_status(&ctx, find(&ctx, &hex), BW_E_CANCELLED);
+    assert_int_equal(ctx.memory.used, used);
+    bw_hex_mesh_clear(&ctx, &hex);
+}
+
 static void every_failing_allocation_is_reported(void **state) {
     (void)state;
     bw_context ctx;
@@ -144,6 +158,7 @@ static const struct CMUnitTest tests[] = {
     cmocka_unit_test(hex_meshes_of_maps_have_the_blocks_of_the_map),
     cmocka_unit_test(the_shared_hex_meshes_have_their_published_blocks),
     cmocka_unit_test(without_one_irregular_edge_there_are_other_blocks),
+    cmocka_unit_test(it_can_be_cancelled),
     cmocka_unit_test(every_failing_allocation_is_reported),
 };
 

@@ -99,6 +99,22 @@ static void what_is_foreseen_is_rounded_last(void **state) {
     clear_row(&ctx, &r);
 }
 
+/* As large as doubles can be: their differences are infinite, predictions may be no numbers. */
+static void coordinates_of_any_size_stay_on_the_lattice(void **state) {
+    (void)state;
+    bw_context ctx;
+    bw_context_init(&ctx);
+    row r;
+    make_row(r.position, r.vertex);
+    for (int p = 0; p < ROW_POINTS; p++)
+        for (int k = 0; k < 3; k++) r.position[p][k] = r.position[p][k] > 1 ? 1.7e308 : -1.7e308;
+    tally_row(&ctx, &r);
+    for (int p = 0; p < ROW_POINTS; p++)
+        for (int k = 0; k < 3; k++) assert_true(r.predictor.at[p][k] >= 0 && r.predictor.at[p][k] <= 3);
+    assert_int_equal(r.tally.coordinates, 3 * ROW_POINTS);
+    clear_row(&ctx, &r);
+}
+
 /* Blocks with random errors, added and taken away in any order. */
 static void tallies_forget_what_is_taken_away(void **state) {
     (void)state;
@@ -194,6 +210,7 @@ static void nothing_leaks_where_memory_runs_out(void **state) {
 
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(what_is_trilinear_costs_nothing), cmocka_unit_test(errors_cost_their_entropies),       cmocka_unit_test(what_is_foreseen_is_rounded_last),
+    cmocka_unit_test(coordinates_of_any_size_stay_on_the_lattice),
     cmocka_unit_test(tallies_forget_what_is_taken_away), cmocka_unit_test(cubes_have_the_ratio_1), cmocka_unit_test(a_mesh_is_the_sum_of_its_blocks),
     cmocka_unit_test(nothing_leaks_where_memory_runs_out),
 };
