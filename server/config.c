@@ -10,6 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "server/networks.h"
+
 enum { LINE_MOST = 2 * PATH_MAX, HELP_WIDTH = 118, HELP_INDENT = 32 };
 
 static const char prefix[] = "BLOCKWRIGHT_";
@@ -211,6 +213,11 @@ static bool resolve_data(bw_config *config) {
     return good;
 }
 
+bool bw_config_is_loopback(const bw_config *config) {
+    uint8_t address[16];
+    return bw_address_of((const struct sockaddr *)&config->listen, address) && bw_address_is_loopback(address);
+}
+
 /* What no single value shows. */
 static bool complete(bw_config *config, char error[BW_CONFIG_ERROR]) {
     struct stat info;
@@ -218,6 +225,10 @@ static bool complete(bw_config *config, char error[BW_CONFIG_ERROR]) {
     if (!*config->data) return mistake(error, "say with --data DIR where jobs and results are to be kept");
     if (resolve_data(config) && stat(config->data, &info) == 0 && !S_ISDIR(info.st_mode))
         return mistake(error, "the data folder '%.300s' is a file", config->data);
+    if (!*config->tls_certificate != !*config->tls_key) return mistake(error, "tls-cert and tls-key go together: one of them is missing");
+    if (!bw_config_is_loopback(config) && !*config->tls_certificate && !*config->behind_proxy)
+        return mistake(error, "refusing to listen on other than loopback: access tokens and parts would cross the network for all to read. Give tls-cert "
+                       "and tls-key, or listen on 127.0.0.1 or [::1]; if a proxy before the daemon speaks TLS, say with behind-proxy which");
     if (access(config->worker, X_OK) != 0) return mistake(error, "the worker '%.300s' cannot be run", config->worker);
     return true;
 }

@@ -41,8 +41,10 @@ typedef struct {
     char file[PATH_MAX];            /* --config, as given; "": none */
     char data[PATH_MAX - 256];      /* absolute; made by bw_config_make_data */
     char worker[PATH_MAX];          /* the worker program, absolute */
-    struct sockaddr_storage listen; /* loopback */
+    struct sockaddr_storage listen; /* not loopback: only with a certificate, or behind a proxy */
     socklen_t listen_size;
+    char tls_certificate[PATH_MAX], tls_key[PATH_MAX]; /* both or none; PEM */
+    char behind_proxy[1024]; /* networks.h; whom X-Forwarded-For is believed, and without a certificate who may connect */
     char host_names[1024]; /* names in Host that are taken as this daemon's, besides those of loopback; commas between them */
     atomic_int workers;                /* stages that run at the same time */
     atomic_int max_connections, max_connections_per_address;
@@ -74,7 +76,8 @@ typedef enum {
     BW_SETTING_CHOICE,   /* atomic_int: index among the words of `choices` */
     BW_SETTING_ADDRESS,  /* sockaddr_storage: ADDRESS:PORT, numeric or localhost, IPv6 in brackets */
     BW_SETTING_PATH,     /* char[room] */
-    BW_SETTING_NAMES     /* char[room]: names of hosts, commas between them */
+    BW_SETTING_NAMES,    /* char[room]: names of hosts, commas between them */
+    BW_SETTING_NETWORKS  /* char[room]: as bw_networks_parse wants it */
 } bw_setting_type;
 
 typedef struct {
@@ -109,6 +112,7 @@ typedef enum { BW_ASK_RUN, BW_ASK_CHECK, BW_ASK_HELP, BW_ASK_VERSION } bw_ask;
  * there for the caller (a subcommand), else they are mistakes. BW_ASK_HELP and BW_ASK_VERSION read nothing else. False after a
  * mistake, which `error` names. Touches nothing on the disk. */
 bool bw_config_load(bw_config *config, int *argc, char **argv, bool others, bw_ask *ask, char error[BW_CONFIG_ERROR]);
+bool bw_config_is_loopback(const bw_config *config); /* of `listen` */
 /* Makes the data folder and resolves its name. False: `error` tells why. */
 bool bw_config_make_data(bw_config *config, char error[BW_CONFIG_ERROR]);
 /* Takes over the reloadable values in which `fresh` differs and calls `tell` for every difference, with what has become of it. */

@@ -39,6 +39,7 @@ enum { SPAWNER_WAIT_SECONDS = 20, DRAIN_LOOK_MS = 20 };
 static bw_config config;
 static char **command_line; /* of serve, whole; to read it again */
 static int command_words;
+static bw_http *http; /* NULL until it listens */
 
 /* One daemon per data folder; the lock goes with the process, however it ends. */
 static bw_status take_folder(void) {
@@ -67,6 +68,18 @@ static bw_status put_right(bw_store *store, bw_queue *queue) {
              forgotten);
     return status;
 }
+
+/* An address that others reach is for daemons with tokens. */
+static bw_status check_open(bw_access *access) {
+    if (bw_config_is_loopback(&config) || !bw_access_is_open(access)) return BW_OK;
+    bw_event(BW_ERROR, "access.open", "data=%s", config.data);
+    fprintf(stderr, "blockwrightd: refusing to listen on other than loopback: without access tokens everybody who reaches that address could use the "
+                    "daemon. Make one first: blockwrightd token create --data %s --owner NAME\n", config.data);
+    return BW_E_USAGE;
+}
+
+/* 2: the configuration is at fault, as the log says. */
+static int exit_code(bw_status status) { return status == BW_OK ? 0 : status == BW_E_USAGE ? 2 : 5; }
 
 static bw_status announce(const char *address) {
     char path[PATH_MAX], line[128];
@@ -120,6 +133,7 @@ static void reload(void) {
     if (read_configuration(&fresh, &ask, error)) {
         bw_config_reload(&config, &fresh, tell_change);
         configure_log(&config);
+        if (http) bw_http_reload(http);
         bw_event(BW_INFO, "config.reloaded", "file=%s", bw_quoted(config.file, quoted, sizeof quoted));
     } else {
         bw_event(BW_ERROR, "config.rejected", "error=%s", bw_quoted(error, quoted, sizeof quoted));
@@ -206,7 +220,6 @@ static int block_signals(void) {
 static bw_status serve(int spawner) {
     char database[PATH_MAX], address[96];
     bw_services services = {.config = &config};
-    bw_http *http = NULL;
     bw_admin *admin = NULL;
     int signals = block_signals(), fatal = eventfd(0, EFD_CLOEXEC);
     const char *what = "data folder";
@@ -217,6 +230,7 @@ static bw_status serve(int spawner) {
     if (status == BW_OK) what = "queue", status = bw_queue_open(database, &services.queue);
     if (status == BW_OK) what = "recovery", status = put_right(services.store, services.queue);
     if (status == BW_OK) what = "access tokens", status = bw_access_open(services.queue, &services.access);
+    if (status == BW_OK) status = check_open(services.access);
     if (status == BW_OK)
         what = "DATA/control", status = bw_admin_start(config.data, &(bw_admin_services){services.queue, services.access}, &admin);
     if (status == BW_OK) what = "watch", status = bw_watch_open(&services.watch);
@@ -237,7 +251,7 @@ static bw_status serve(int spawner) {
     bw_access_close(services.access);
     bw_queue_close(services.queue);
     bw_store_close(services.store);
-    bw_event(BW_INFO, "daemon.stopped", "code=%d", status == BW_OK ? 0 : 5);
+    bw_event(BW_INFO, "daemon.stopped", "code=%d", exit_code(status));
     return status;
 }
 
@@ -280,7 +294,7 @@ static int serve_command(int argc, char **argv) {
         bw_event(BW_ERROR, "daemon.failed", "what=spawner errno=%d", errno);
         return 5;
     }
-    return serve(spawner) == BW_OK ? 0 : 5;
+    return exit_code(serve(spawner));
 }
 
 /* How to add a command: a function and a row here. What it has in common with the daemon (--data and all else) bw_config_load with

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "server/networks.h"
+
 #include "server/worker/admission.h"
 
 enum { DAY = 86400 };
@@ -16,6 +18,7 @@ static const int64_t size_most = INT64_MAX >> 2;
 
 #define FIELD(member) offsetof(bw_config, member), sizeof(((bw_config *)0)->member)
 #define PATH(member) BW_SETTING_PATH, FIELD(member), 0, 0, 0, NULL
+#define NETWORKS(member) BW_SETTING_NETWORKS, FIELD(member), 0, 0, 0, NULL
 #define NAMES(member) BW_SETTING_NAMES, FIELD(member), 0, 0, 0, NULL
 #define ADDRESS(member) BW_SETTING_ADDRESS, FIELD(member), 0, 0, 0, NULL
 #define COUNT(member, low, high) BW_SETTING_COUNT, FIELD(member), low, high, 0, NULL
@@ -29,7 +32,13 @@ const bw_setting bw_settings[] = {
     {"data", PATH(data), NULL, false, "DIR",
      "where blobs, jobs and results are kept; made if missing. One daemon per folder. Must be given"},
     {"listen", ADDRESS(listen), "127.0.0.1:8080", false, "ADDRESS:PORT",
-     "Loopback only, for there are no access tokens yet. Port 0 takes a free one; the address is written to DIR/address in any case"},
+     "Other than loopback only with access tokens (blockwrightd token create), and with tls-cert or behind-proxy. Port 0 takes a free one; the "
+     "address is written to DIR/address in any case"},
+    {"tls-cert", PATH(tls_certificate), NULL, false, "FILE", "certificate, and those that it rests on, as PEM: the daemon speaks HTTPS. Read again at SIGHUP"},
+    {"tls-key", PATH(tls_key), NULL, false, "FILE", "its key as PEM, which nobody else can read. Read again at SIGHUP"},
+    {"behind-proxy", NETWORKS(behind_proxy), NULL, false, "ADDRESS,...",
+     "addresses or networks (10.0.0.0/8) of proxies that speak TLS in the daemon's place. Their X-Forwarded-For is believed; without tls-cert nobody else "
+     "may connect, but from loopback. Connections per address are not limited then"},
     {"host-names", NAMES(host_names), "", false, "NAME,...",
      "names that the daemon is reached by, say of a proxy before it. Without access tokens it answers to these and those of loopback only"},
     {"worker", PATH(worker), NULL, false, "PROGRAM", "the worker, by default the blockwright-worker beside this program"},
@@ -208,12 +217,6 @@ static bool parse_choice(const bw_setting *s, atomic_int *value, const char *tex
     return complain(error, size, "'%.80s' is none of: %s", text, s->choices);
 }
 
-static bool is_loopback(const struct sockaddr_storage *address) {
-    if (address->ss_family == AF_INET)
-        return ntohl(((const struct sockaddr_in *)address)->sin_addr.s_addr) >> 24 == 127;
-    return IN6_IS_ADDR_LOOPBACK(&((const struct sockaddr_in6 *)address)->sin6_addr);
-}
-
 static bool parse_host(char *host, unsigned long port, struct sockaddr_storage *address) {
     struct sockaddr_in *in = (struct sockaddr_in *)address;
     struct sockaddr_in6 *in6 = (struct sockaddr_in6 *)address;
@@ -242,9 +245,6 @@ static bool parse_address(struct sockaddr_storage *address, const char *text, ch
         return complain(error, size, "'%.80s' has no valid port", text);
     if (!parse_host(host, port, address))
         return complain(error, size, "'%.80s' has no valid address (IPv6 stands in brackets: [::1]:8080)", text);
-    if (!is_loopback(address))
-        return complain(error, size, "refusing to listen on '%.80s': without access tokens everybody who reaches that address could "
-                        "use the daemon. Listen on 127.0.0.1 or [::1], and put a proxy that authenticates before it.", text);
     return true;
 }
 
@@ -268,6 +268,16 @@ static bool parse_names(const bw_setting *s, char *value, const char *text, char
     return true;
 }
 
+static bool parse_networks(const bw_setting *s, char *value, const char *text, char *error, size_t size) {
+    bw_networks networks;
+    size_t n = strlen(text);
+    if (!bw_networks_parse(text, &networks))
+        return complain(error, size, "'%.80s' is no list of at most %d addresses or networks (10.0.0.1,192.168.0.0/16,fd00::/8)", text, BW_NETWORKS_MOST);
+    if (n >= s->room) return complain(error, size, "'%.80s...' is too long", text);
+    memcpy(value, text, n + 1);
+    return true;
+}
+
 bool bw_setting_parse(const bw_setting *s, bw_config *config, const char *text, char *error, size_t size) {
     void *field = (char *)config + s->offset;
     switch (s->type) {
@@ -277,6 +287,7 @@ bool bw_setting_parse(const bw_setting *s, bw_config *config, const char *text, 
     case BW_SETTING_CHOICE: return parse_choice(s, field, text, error, size);
     case BW_SETTING_ADDRESS: return parse_address(field, text, error, size);
     case BW_SETTING_PATH: return parse_path(s, field, text, error, size);
+    case BW_SETTING_NETWORKS: return parse_networks(s, field, text, error, size);
     case BW_SETTING_NAMES: return parse_names(s, field, text, error, size);
     }
     return false;
@@ -327,6 +338,7 @@ char *bw_setting_text(const bw_setting *s, const bw_config *config, char text[BW
     case BW_SETTING_DURATION: write_duration((int64_t)number * s->unit_ms, text); break;
     case BW_SETTING_CHOICE: write_choice(s->choices, number, text); break;
     case BW_SETTING_ADDRESS: write_address(field, text); break;
+    case BW_SETTING_NETWORKS:
     case BW_SETTING_NAMES:
     case BW_SETTING_PATH: snprintf(text, BW_VALUE_TEXT, "%s", (const char *)field); break;
     }

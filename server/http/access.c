@@ -14,6 +14,7 @@
 #include "server/http/operations.h"
 #include "server/http/reply.h"
 #include "server/log.h"
+#include "server/networks.h"
 
 /* ---- a daemon without tokens ---- */
 
@@ -73,25 +74,44 @@ static bool check_place(bw_request *r) {
 
 /* ---- tokens ---- */
 
-static const char *client_of(const bw_request *r, char text[INET6_ADDRSTRLEN]) {
+/* The last address of X-Forwarded-For, which is cut off the text; false if there is none. */
+static bool take_last(char *list, uint8_t address[16]) {
+    char *comma = strrchr(list, ','), *word = comma ? comma + 1 : list;
+    word += strspn(word, " \t");
+    word[strcspn(word, " \t")] = '\0';
+    bool good = bw_address_parse(word, address);
+    if (comma) *comma = '\0';
+    else *list = '\0';
+    return good;
+}
+
+const char *bw_http_client(const bw_request *r, char text[BW_CLIENT_TEXT]) {
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    const struct sockaddr *from = info ? info->client_addr : NULL;
-    const void *raw = !from ? NULL : from->sa_family == AF_INET6 ? (const void *)&((const struct sockaddr_in6 *)(const void *)from)->sin6_addr
-                                                             : (const void *)&((const struct sockaddr_in *)(const void *)from)->sin_addr;
-    return raw && inet_ntop(from->sa_family, raw, text, INET6_ADDRSTRLEN) ? text : "-";
+    const char *forwarded = bw_request_header(r, "X-Forwarded-For");
+    char list[512] = "";
+    uint8_t address[16], before[16];
+    bw_networks proxies;
+    if (!info || !bw_address_of(info->client_addr, address)) return "-";
+    if (forwarded && bw_networks_parse(r->services->config->behind_proxy, &proxies)) {
+        snprintf(list, sizeof list, "%s", strlen(forwarded) < sizeof list ? forwarded : "");
+        while (*list && bw_networks_have(&proxies, address) && take_last(list, before)) memcpy(address, before, 16);
+    }
+    static const uint8_t four[12] = {[10] = 0xff, [11] = 0xff};
+    bool is_four = memcmp(address, four, 12) == 0;
+    return inet_ntop(is_four ? AF_INET : AF_INET6, is_four ? address + 12 : address, text, BW_CLIENT_TEXT) ? text : "-";
 }
 
 static void tell(const bw_request *r, const char *why) {
     static _Atomic int64_t last;
     static atomic_uint kept_back;
     int64_t now = bw_mono_ms(), before = atomic_load(&last);
-    char address[INET6_ADDRSTRLEN];
+    char address[BW_CLIENT_TEXT];
     if (now - before < 1000 || !atomic_compare_exchange_strong(&last, &before, now)) { /* a flood of them does not flood the log */
         atomic_fetch_add(&kept_back, 1);
         return;
     }
     bw_event(BW_WARN, "access.denied", "operation=%s why=%s token=%s client=%s kept_back=%u", bw_endpoints[r->op].id, why,
-             *r->caller.token ? r->caller.token : "-", client_of(r, address), atomic_exchange(&kept_back, 0));
+             *r->caller.token ? r->caller.token : "-", bw_http_client(r, address), atomic_exchange(&kept_back, 0));
 }
 
 static void reply_unauthorized(bw_request *r, const char *why, const char *detail) {

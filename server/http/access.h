@@ -14,6 +14,10 @@
 
 /* Sets the request's caller; false after a reply. */
 bool bw_http_check_access(bw_request *request);
+enum { BW_CLIENT_TEXT = 46 };
+/* The address of who asks: of the connection's other end, or if that is a proxy of `behind-proxy` what it says in X-Forwarded-For, as far back
+ * as proxies are known. "-" if it cannot be said. */
+const char *bw_http_client(const bw_request *request, char text[BW_CLIENT_TEXT]);
 /* Whose jobs are to be listed, by the query's `owner` and what the caller may see; NULL: everybody's. False after a reply. */
 bool bw_http_owner_wanted(bw_request *request, const char **owner);
 /* Has the caller this blob? What others have uploaded is as if it were not there. A descriptor for reading, or -1. */

@@ -10,7 +10,9 @@
 #include "server/http/guard.h"
 #include "server/http/request.h"
 #include "server/http/routes.h"
+#include "server/http/tls.h"
 #include "server/log.h"
+#include "server/networks.h"
 
 enum { THREADS = 4, CONNECTION_MEMORY = 128 << 10, DESCRIPTORS_KEPT = 256, LAST_REPLIES_SECONDS = 2 };
 enum { POOL_THREADS = 2, EXPIRY_MS = 10000 };
@@ -22,6 +24,7 @@ struct bw_http {
     bw_guard *guard;
     bw_watcher expiry; /* of uploads; told now and then */
     bw_pool_work expire;
+    bw_networks proxies;
 };
 
 static void on_library_log(void *user, const char *format, va_list args) {
@@ -87,6 +90,25 @@ static unsigned connection_limit(const bw_config *config) {
     return (unsigned)most;
 }
 
+/* Who may connect at all: without TLS, and not on loopback, only the proxies that have it. */
+static enum MHD_Result on_connect(void *user, const struct sockaddr *from, socklen_t size) {
+    bw_http *http = user;
+    uint8_t address[16];
+    (void)size;
+    if (bw_config_is_loopback(http->services.config) || *http->services.config->tls_certificate) return MHD_YES;
+    return bw_address_of(from, address) && (bw_address_is_loopback(address) || bw_networks_have(&http->proxies, address)) ? MHD_YES : MHD_NO;
+}
+
+static bw_status start_tls(const bw_config *config, unsigned *flags) {
+    char error[BW_TLS_ERROR], quoted[BW_TLS_ERROR + 100];
+    if (!*config->tls_certificate) return BW_OK;
+    *flags |= MHD_USE_TLS;
+    bw_status status = MHD_is_feature_supported(MHD_FEATURE_TLS) == MHD_YES ? bw_tls_open(config->tls_certificate, config->tls_key, error) : BW_E_USAGE;
+    if (MHD_is_feature_supported(MHD_FEATURE_TLS) != MHD_YES) snprintf(error, sizeof error, "this libmicrohttpd has no TLS");
+    if (status != BW_OK) bw_event(BW_ERROR, "tls.refused", "error=%s", bw_quoted(error, quoted, sizeof quoted));
+    return status;
+}
+
 bw_status bw_http_start(const bw_services *services, bw_http **out, char *address, size_t size) {
     for (int i = 0; i < BW_OP_COUNT; i++)
         if (!bw_routes[i].handle) return BW_E_INTERNAL; /* an operation of the document that nobody has written */
@@ -97,19 +119,26 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
     bw_status status = bw_guard_open(services->config, &http->guard);
     if (status == BW_OK) status = bw_pool_open(POOL_THREADS, &http->traffic.pool);
     if (status == BW_OK) status = bw_partials_open(services->config->data, services->store, &http->traffic.partials);
+    unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
+    if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
+    if (status == BW_OK) status = start_tls(services->config, &flags);
     if (status != BW_OK) {
         bw_http_stop(http);
         return status;
     }
-    unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
-    if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
+    bool tls = flags & MHD_USE_TLS;
+    struct MHD_OptionItem more[] = {{tls ? MHD_OPTION_HTTPS_PRIORITIES : MHD_OPTION_END, 0, (void *)BW_TLS_PRIORITIES},
+                                    {MHD_OPTION_HTTPS_CERT_CALLBACK, 0, (void *)bw_tls_choose},
+                                    {MHD_OPTION_END, 0, NULL}};
+    bw_networks_parse(services->config->behind_proxy, &http->proxies);
+    unsigned per_address = http->proxies.count ? 0 : (unsigned)services->config->max_connections_per_address;
     http->daemon = MHD_start_daemon(
-        flags, 0, NULL, NULL, bw_request_on_call, &http->traffic, MHD_OPTION_EXTERNAL_LOGGER, on_library_log, NULL,
+        flags, 0, on_connect, http, bw_request_on_call, &http->traffic, MHD_OPTION_EXTERNAL_LOGGER, on_library_log, NULL,
         MHD_OPTION_SOCK_ADDR, &services->config->listen, MHD_OPTION_THREAD_POOL_SIZE, (unsigned)THREADS,
         MHD_OPTION_CONNECTION_LIMIT, connection_limit(services->config),
-        MHD_OPTION_PER_IP_CONNECTION_LIMIT, (unsigned)services->config->max_connections_per_address, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        MHD_OPTION_PER_IP_CONNECTION_LIMIT, per_address, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
         (size_t)CONNECTION_MEMORY, MHD_OPTION_CONNECTION_TIMEOUT, (unsigned)BW_IDLE_SECONDS, MHD_OPTION_NOTIFY_COMPLETED,
-        bw_request_on_end, &http->traffic, MHD_OPTION_NOTIFY_CONNECTION, bw_guard_on_connection, http->guard, MHD_OPTION_END);
+        bw_request_on_end, &http->traffic, MHD_OPTION_NOTIFY_CONNECTION, bw_guard_on_connection, http->guard, MHD_OPTION_ARRAY, more, MHD_OPTION_END);
     const union MHD_DaemonInfo *info = http->daemon ? MHD_get_daemon_info(http->daemon, MHD_DAEMON_INFO_BIND_PORT) : NULL;
     if (!info) {
         bw_http_stop(http);
@@ -144,7 +173,15 @@ void bw_http_stop(bw_http *http) {
     bw_pool_close(http->traffic.pool);
     bw_partials_close(http->traffic.partials);
     bw_guard_close(http->guard);
+    bw_tls_close();
     pthread_cond_destroy(&http->traffic.changed);
     pthread_mutex_destroy(&http->traffic.lock);
     free(http);
+}
+
+void bw_http_reload(bw_http *http) {
+    char error[BW_TLS_ERROR], quoted[BW_TLS_ERROR + 100];
+    if (!*http->services.config->tls_certificate) return;
+    if (bw_tls_reload(error) == BW_OK) bw_event(BW_INFO, "tls.reloaded", "%s", "");
+    else bw_event(BW_ERROR, "tls.rejected", "error=%s", bw_quoted(error, quoted, sizeof quoted));
 }

@@ -26,6 +26,8 @@ typedef struct bw_http bw_http;
 
 /* Starts to listen. `address` gets "ADDRESS:PORT" as bound. */
 bw_status bw_http_start(const bw_services *services, bw_http **http, char *address, size_t size);
+/* Reads certificate and key again, if the daemon speaks TLS. The log tells what has become of it. */
+void bw_http_reload(bw_http *http);
 /* Takes no more connections, stops the watch so that nobody waits any longer, and lets what is under way be answered. Whoever owes a
  * bw_request_resume() must still be alive. */
 void bw_http_stop(bw_http *http);

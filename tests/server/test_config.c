@@ -211,6 +211,13 @@ static void mistakes_on_the_command_line_name_the_flag(void **state) {
     expect_error(load("--stage-cpu-seconds 500ms"), "whole number of seconds");
     expect_error(load("--stop-grace 3 weeks"), "'weeks' is not an option");
     expect_error(load("--listen 0.0.0.0:80"), "refusing to listen");
+    expect_error(load("--listen [::]:80"), "refusing to listen");
+    expect_error(load("--tls-cert a.pem"), "go together");
+    expect_error(load("--tls-key a.pem"), "go together");
+    expect_error(load("--behind-proxy somewhere"), "is no list");
+    expect_error(load("--behind-proxy 10.0.0.1/8"), "is no list");
+    expect_error(load("--behind-proxy 10.0.0.0/33"), "is no list");
+    expect_error(load("--host-names a/b"), "is no list of names");
     expect_error(load("--log-format xml"), "is none of: logfmt json");
     expect_error(load("--colour"), "'--colour' is not an option");
 }
