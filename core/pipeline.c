@@ -11,6 +11,7 @@
 #include "format/input.h"
 #include "format/state.h"
 #include "hex/trivial.h"
+#include "need.h"
 #include "stage/build.h"
 #include "stage/encode.h"
 #include "stage/explore.h"
@@ -615,6 +616,7 @@ bw_status bw_stage_run(bw_context *ctx, const bw_options *options, bw_stage stag
         bw_status written = write_report(ctx, state, output);
         if (status == BW_OK) status = written;
     } else if (status == BW_OK) {
+        ctx->next_need = bw_need(options, (bw_stage)(stage + 1), state, ctx->memory.used);
         status = bw_state_write(ctx, state, stages[stage].name, stages[stage].version, output);
     }
     bw_state_clear(ctx, state);

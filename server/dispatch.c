@@ -40,6 +40,7 @@ typedef struct {
     char key[BW_SHA256_TEXT];
     bw_stage_limits limits;
     uint64_t need;      /* bytes it was admitted with */
+    int64_t peak;       /* bytes of memory that it had at most; 0 until it has ended */
     int folder;         /* of the attempt; -1: closed */
     bw_session session; /* its progress and note under lock */
     bool asked;         /* it was sent SIGUSR1 */
@@ -225,6 +226,7 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     if (s->job.tries == 1) bw_count(BW_METRIC_CACHE_MISSES, s->job.stage, 0, 1);
     s->limits = bw_stage_limits_of(d->config);
     s->need = need;
+    s->peak = 0;
     s->started = bw_mono_ms();
     s->deadline = s->started + (int64_t)s->limits.wall_seconds * 1000;
     s->look_at = s->started + SCRATCH_MS;
@@ -248,8 +250,10 @@ static bw_status need_of(bw_dispatch *d, const bw_job *job, const json_t *option
     if (!*need) {
         int input = open_input(d, job, options, &bytes), parameters = -1;
         if (job->stage == 0 && *job->parameters) parameters = bw_store_open_blob(d->store, job->parameters, &more);
+        char start[BW_START_BYTES];
+        ssize_t n = input < 0 ? 0 : pread(input, start, sizeof start, 0);
         close_all((const int[]){input, parameters}, 2);
-        *need = job->stage == 0 ? bw_need_of_input(bytes + more) : bw_need_of_state(bytes);
+        *need = job->stage == 0 ? bw_need_of_input(start, n > 0 ? (size_t)n : 0, bytes + more) : bw_need_of_state(bytes);
     }
     if (*need > most) *need = most;
     return status;
@@ -391,8 +395,8 @@ static bw_status start_waiting(bw_dispatch *d, int64_t *next_due) {
 /* ---- ending ---- */
 
 static void tell_end(bw_dispatch *d, const slot *s, const char *outcome, bool booked) {
-    bw_event(booked ? BW_INFO : BW_WARN, booked ? "stage.end" : "stage.outdated", "job=%s stage=%s attempt=%d outcome=%s ms=%" PRId64,
-             s->job.id, stage_of(s)->name, s->job.attempt, outcome, bw_mono_ms() - s->started);
+    bw_event(booked ? BW_INFO : BW_WARN, booked ? "stage.end" : "stage.outdated", "job=%s stage=%s attempt=%d outcome=%s ms=%" PRId64
+             " need=%" PRIu64 " peak=%" PRId64, s->job.id, stage_of(s)->name, s->job.attempt, outcome, bw_mono_ms() - s->started, s->need, s->peak);
     if (booked) bw_watch_notify(d->watch, s->job.id);
 }
 
@@ -562,6 +566,7 @@ static bw_status read_spawner(bw_dispatch *d) {
             slot *s = &d->slots[i];
             if (!s->busy || s->token != r.token) continue;
             measure(s, &r);
+            s->peak = r.peak_bytes;
             status = judge(d, s, r.wait_status);
             break;
         }

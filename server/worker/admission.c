@@ -4,7 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { PATIENCE_MS = 30000, PROCESS_BYTES = 24 << 20, INPUT_FACTOR = 20, STATE_FACTOR = 4 };
+enum { PATIENCE_MS = 30000, PROCESS_BYTES = 24 << 20, STATE_FACTOR = 12 };
 
 static bool fits(const bw_admission *a, uint64_t need) {
     return a->running == 0 || (a->taken <= a->memory && need <= a->memory - a->taken);
@@ -42,7 +42,21 @@ void bw_admission_end(bw_admission *a, bool complete) {
     if (complete && !a->seen) *a->waiting = '\0'; /* cancelled meanwhile, or its output was found in the cache */
 }
 
-uint64_t bw_need_of_input(uint64_t bytes) { return PROCESS_BYTES + INPUT_FACTOR * bytes; }
+static uint64_t bytes_of_a_byte(const char *start, size_t length) {
+    enum { HEXEX = 7, TEXT = 26, BINARY = 45, COMPRESSED = 150 };
+    if (length && start[0] >= '0' && start[0] <= '9') return HEXEX;
+    if (strstr(start, "compressor=")) return COMPRESSED;
+    bool text = memchr(start, '\0', length) == NULL && !strstr(start, "BINARY") && !strstr(start, "appended") && !strstr(start, "binary");
+    return text ? TEXT : BINARY;
+}
+
+uint64_t bw_need_of_input(const char *start, size_t length, uint64_t bytes) {
+    char text[BW_START_BYTES + 1];
+    if (length > BW_START_BYTES) length = BW_START_BYTES;
+    memcpy(text, start, length);
+    text[length] = '\0';
+    return PROCESS_BYTES + bytes_of_a_byte(text, length) * bytes;
+}
 uint64_t bw_need_of_state(uint64_t bytes) { return PROCESS_BYTES + STATE_FACTOR * bytes; }
 
 static uint64_t number_in(const char *path) {

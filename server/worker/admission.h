@@ -8,6 +8,7 @@
 #define BW_SERVER_ADMISSION_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 typedef struct {
@@ -26,9 +27,11 @@ void bw_admission_give(bw_admission *admission, uint64_t need); /* it has ended 
 void bw_admission_begin(bw_admission *admission);
 void bw_admission_end(bw_admission *admission, bool complete);
 
-/* About what sanitize needs for an input of so many bytes, in any format. The daemon does not look into the file, so this is for the most
- * compact of them. */
-uint64_t bw_need_of_input(uint64_t bytes);
+/* About what sanitize needs for an input of so many bytes. `start`: its first `length` bytes, for the formats differ in how compact they are. Measured
+ * (heap blocks a byte of the file): hexex 2 to 6, hex meshes as text 24; binary and compressed ones are taken by their ratio to that. Whoever
+ * lies there wins nothing but a turn: limits are limits. */
+enum { BW_START_BYTES = 512 };
+uint64_t bw_need_of_input(const char *start, size_t length, uint64_t bytes);
 /* For a state file of which no need is known. */
 uint64_t bw_need_of_state(uint64_t bytes);
 uint64_t bw_machine_memory(void); /* bytes of this machine, or of its control group if that is less */
