@@ -8,6 +8,7 @@
 #include "explore/grids.h"
 
 enum { WEIGHT_SHIFT = 16 }; /* weights are multiples of 2^-16 */
+enum { FLATTEST = 1 << 24 }; /* ratio of sides beyond which a box is as bad as can be: maps may have walls a grid unit apart, 2^45 units long */
 
 typedef struct {
     uint64_t hash;
@@ -28,7 +29,7 @@ struct bw_pricer {
     size_t count, room, bytes;
     int32_t *table; /* by hash, open addressing; 0: free, else 1 + index */
     size_t table_size;
-    int64_t sum;
+    __int128 sum; /* thousands of the worst boxes are more than 64 bits */
 };
 
 /* ---- terms --------------------------------------------------------------------------------------------------------- */
@@ -51,7 +52,8 @@ static int64_t longest_by_shortest(const bw_pricer *p, const bw_block_box *box) 
         if (box->extent[k] < low) low = box->extent[k];
         if (box->extent[k] > high) high = box->extent[k];
     }
-    return low > 0 ? (int64_t)(((__int128)high << BW_COST_SHIFT) / low) : INT64_MAX >> 8;
+    bool flattest = low <= 0 || high / low >= FLATTEST;
+    return flattest ? (int64_t)FLATTEST << BW_COST_SHIFT : (int64_t)(((__int128)high << BW_COST_SHIFT) / low);
 }
 
 /* A term's function of a box; NULL: kept as a tally. */
@@ -206,8 +208,10 @@ void bw_pricer_remove(bw_pricer *p, int32_t number) {
 }
 
 int64_t bw_pricer_total(const bw_pricer *p) {
-    if (!p->tallied) return p->sum;
-    return p->sum + weighted(p->weight[BW_COST_BITS], bw_predict_tally_cost(&p->all) / (int64_t)p->grids->mesh->vertex_count);
+    const __int128 most = INT64_MAX / 4; /* a search adds to it */
+    int64_t sum = (int64_t)(p->sum < most ? p->sum : most);
+    if (!p->tallied) return sum;
+    return sum + weighted(p->weight[BW_COST_BITS], bw_predict_tally_cost(&p->all) / (int64_t)p->grids->mesh->vertex_count);
 }
 
 /* ---- words --------------------------------------------------------------------------------------------------------- */

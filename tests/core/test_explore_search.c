@@ -303,6 +303,34 @@ static void cuts_and_joins_keep_a_tiling_and_can_be_undone(void **state) {
     }
 }
 
+/* A map may have walls one grid unit apart that are 2^45 units long. */
+static void a_very_flat_box_is_dear(void **state) {
+    (void)state;
+    static const double most[BW_COST_TERMS] = {[BW_COST_CUBES] = 1000};
+    explorable e;
+    explorable_open(&e, &(explore_case){"cuboid", 3, 1, 0});
+    int64_t before = 0;
+    memset(e.wall, 1, e.space.patch_count);
+    for (int bits = 0; bits <= 45; bits++) {
+        searching s;
+        bw_tiling t;
+        for (int k = 0; k < 3; k++) e.space.block_extent[0][k] = k ? 1 : (int64_t)1 << bits;
+        searching_open(&s, &e, most);
+        kit_expect_ok(&e.model.ctx, bw_tiling_init(&e.model.ctx, &e.space, s.pricer, e.space.must, e.wall, &t));
+        int64_t cost = bw_pricer_total(s.pricer);
+        if (cost < before || cost <= 0) fail_msg("1 : 2^%d costs %lld, 1 : 2^%d %lld", bits, (long long)cost, bits - 1, (long long)before);
+        if (bits <= 20) assert_int_equal(cost, (int64_t)1000 << (BW_COST_SHIFT + bits));
+        for (int i = 0; i < 100000; i++) bw_pricer_add(s.pricer, t.of[0].price);
+        assert_true(bw_pricer_total(s.pricer) > cost);
+        for (int i = 0; i < 100000; i++) bw_pricer_remove(s.pricer, t.of[0].price);
+        assert_int_equal(bw_pricer_total(s.pricer), cost);
+        before = cost;
+        bw_tiling_clear(&e.model.ctx, &t);
+        searching_close(&s, &e);
+    }
+    explorable_close(&e);
+}
+
 static void a_damaged_tiling_is_found(void **state) {
     (void)state;
     explorable e;
@@ -395,6 +423,7 @@ int main(void) {
         cmocka_unit_test(a_search_that_is_asked_to_finish_keeps_the_best),
         cmocka_unit_test(a_retraction_can_be_cancelled_or_asked_to_finish),
         cmocka_unit_test(cuts_and_joins_keep_a_tiling_and_can_be_undone),
+        cmocka_unit_test(a_very_flat_box_is_dear),
         cmocka_unit_test(a_damaged_tiling_is_found),
         cmocka_unit_test(a_damaged_space_is_found),
         cmocka_unit_test(every_allocation_may_fail),
