@@ -12,12 +12,13 @@
 #include "summary.h"
 
 typedef struct {
-    const char *server, *out;
+    cli_remote remote;
+    const char *out;
     bool quiet;
 } settings;
 
 static const cli_option options[] = {
-    CLI_SERVER_OPTION(settings),
+    CLI_REMOTE_OPTIONS(settings),
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR",
      "folder for the results, made if missing (required)", 0, 0},
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no summary, only errors", 0, 0},
@@ -155,7 +156,7 @@ static int run(const cli_command *self, int argc, char **argv) {
     if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !cli_check_id(self, operands.operand[0]))
         return CLI_USAGE;
     if (!s.out || !*s.out) return cli_usage_error(self, "--out DIR says where the results go; it is missing");
-    cli_http *http = cli_http_open(s.server);
+    cli_http *http = cli_http_open(&s.remote);
     int code = cli_fetch(http, operands.operand[0], s.out, s.quiet);
     cli_http_close(http);
     return code;

@@ -3,6 +3,7 @@
 #include <curl/curl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "command.h"
 #include "failure.h"
@@ -13,6 +14,8 @@ static const size_t reply_max = (size_t)256 << 20; /* report.json and manifests 
 struct cli_http {
     CURL *curl;
     char server[1024];
+    char token[200]; /* "": none */
+    char ca_file[1024];
     char error[CURL_ERROR_SIZE];
     char text[CURL_ERROR_SIZE + 64];
     struct curl_slist *headers; /* of the next call */
@@ -26,7 +29,38 @@ typedef struct {
     int64_t room;
 } sink;
 
-cli_http *cli_http_open(const char *server) {
+static void read_token_file(const char *path, char token[200]) {
+    FILE *f = fopen(path, "re");
+    if (!f || !fgets(token, 200, f)) {
+        cli_error("the token cannot be read from %s", path);
+        exit(CLI_USAGE);
+    }
+    fclose(f);
+}
+
+/* True if what goes there cannot be read on the way. */
+static bool is_private(const char *server) {
+    static const char *const good[] = {"https://", "http://127.", "http://localhost", "http://[::1]"};
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        if (!strncasecmp(server, good[i], strlen(good[i]))) return true;
+    return false;
+}
+
+static void find_token(cli_http *http, const cli_remote *remote) {
+    const char *token = getenv("BLOCKWRIGHT_TOKEN");
+    if (remote->token_file) read_token_file(remote->token_file, http->token);
+    else snprintf(http->token, sizeof http->token, "%s", token ? token : "");
+    http->token[strcspn(http->token, " \t\r\n")] = 0;
+    for (const char *c = http->token; *c; c++) {
+        if (*c > 0x20 && *c < 0x7f) continue;
+        cli_error("the access token has a character that no token has");
+        exit(CLI_USAGE);
+    }
+    if (*http->token && !is_private(http->server)) cli_error("warning: the access token goes to %s unencrypted", http->server);
+}
+
+cli_http *cli_http_open(const cli_remote *remote) {
+    const char *server = remote->server, *ca = remote->ca_file ? remote->ca_file : getenv("BLOCKWRIGHT_CA_FILE");
     cli_http *http = calloc(1, sizeof *http);
     if (!http || curl_global_init(CURL_GLOBAL_DEFAULT) != CURLE_OK) {
         cli_error("out of memory");
@@ -36,6 +70,8 @@ cli_http *cli_http_open(const char *server) {
     if (!server || !*server) server = "http://127.0.0.1:8080";
     snprintf(http->server, sizeof http->server, "%s", server);
     for (size_t n = strlen(http->server); n > 0 && http->server[n - 1] == '/'; n--) http->server[n - 1] = 0;
+    snprintf(http->ca_file, sizeof http->ca_file, "%s", ca ? ca : "");
+    find_token(http, remote);
     return http;
 }
 
@@ -114,6 +150,11 @@ static void prepare(cli_http *http, const char *method, const char *path, sink *
     curl_easy_setopt(c, CURLOPT_LOW_SPEED_TIME, (long)STALL_SECONDS);
     curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, on_body);
     curl_easy_setopt(c, CURLOPT_WRITEDATA, s);
+    if (*http->ca_file) curl_easy_setopt(c, CURLOPT_CAINFO, http->ca_file);
+    if (*http->token) {
+        curl_easy_setopt(c, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
+        curl_easy_setopt(c, CURLOPT_XOAUTH2_BEARER, http->token);
+    }
     if (!strcmp(method, "HEAD"))
         curl_easy_setopt(c, CURLOPT_NOBODY, 1L);
     else if (strcmp(method, "GET") != 0)

@@ -24,9 +24,16 @@ typedef struct {
     size_t size;
 } cli_reply;
 
-/* `server`: its URL, or NULL for the environment's BLOCKWRIGHT_SERVER or else http://127.0.0.1:8080. Never
- * NULL (ends the program if libcurl cannot start). */
-cli_http *cli_http_open(const char *server);
+/* Where the daemon is, and what it is shown. NULL: by the environment. */
+typedef struct {
+    const char *server;     /* its URL; BLOCKWRIGHT_SERVER, or else http://127.0.0.1:8080 */
+    const char *token_file; /* a file whose first line is the access token; BLOCKWRIGHT_TOKEN is the token itself */
+    const char *ca_file;    /* certificates to trust, as PEM; BLOCKWRIGHT_CA_FILE, or else the system's */
+} cli_remote;
+
+/* Ends the program if libcurl cannot start or the token cannot be read. There is no way to give the token as a word: everybody on the
+ * machine can read those. */
+cli_http *cli_http_open(const cli_remote *remote);
 void cli_http_close(cli_http *http);
 const char *cli_http_server(const cli_http *http); /* without a trailing slash */
 const char *cli_http_error(const cli_http *http);  /* why the last call failed */

@@ -3,7 +3,7 @@
 
 #include "remote.h"
 
-static const cli_option options[] = {CLI_SERVER_OPTION(cli_job_settings)};
+static const cli_option options[] = {CLI_REMOTE_OPTIONS(cli_job_settings)};
 
 static int show(cli_http *http, const char *id) {
     cli_reply reply;

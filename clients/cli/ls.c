@@ -8,12 +8,13 @@
 enum { PAGE_MAX = 200 }; /* the most a daemon gives at once */
 
 typedef struct {
-    const char *server, *state, *tag;
+    cli_remote remote;
+    const char *state, *tag;
     int64_t limit;
 } settings;
 
 static const cli_option options[] = {
-    CLI_SERVER_OPTION(settings),
+    CLI_REMOTE_OPTIONS(settings),
     {"state", 0, CLI_CHOICE, offsetof(settings, state), "queued|running|successful|failed|dismissed",
      "only jobs in this state", 0, 0},
     {"tag", 0, CLI_TEXT, offsetof(settings, tag), "TAG", "only jobs with this tag", 0, 0},
@@ -71,7 +72,7 @@ static int run(const cli_command *self, int argc, char **argv) {
     settings s = {.limit = 50};
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 0, 0)) return CLI_USAGE;
-    cli_http *http = cli_http_open(s.server);
+    cli_http *http = cli_http_open(&s.remote);
     int code = list(http, &s);
     cli_http_close(http);
     return code;

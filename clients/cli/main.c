@@ -22,7 +22,8 @@ static void print_help(FILE *stream) {
         stream,
         "  help     explain a command\n\n"
         "run, sample and show work in place; the others talk to a daemon (blockwrightd), whose address is\n"
-        "--server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.\n\n"
+        "--server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080. A daemon that wants an access\n"
+        "token gets the environment's BLOCKWRIGHT_TOKEN, or the first line of --token-file FILE.\n\n"
         "Start here:\n"
         "  blockwright sample part -o part.hexex       make a parametrized part to play with\n"
         "  blockwright run part.hexex --out result     decompose it; see result/report.json\n"

@@ -16,7 +16,7 @@ int cli_run_on_job(const cli_command *self, int argc, char **argv, int (*act)(cl
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !cli_check_id(self, operands.operand[0]))
         return CLI_USAGE;
-    cli_http *http = cli_http_open(s.server);
+    cli_http *http = cli_http_open(&s.remote);
     int code = act(http, operands.operand[0]);
     cli_http_close(http);
     return code;

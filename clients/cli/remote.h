@@ -8,12 +8,14 @@
 #include "command.h"
 #include "http.h"
 
-/* First member of the settings of every remote command. */
-#define CLI_SERVER_OPTION(settings)                                                                          \
-    {                                                                                                        \
-        "server", 's', CLI_TEXT, offsetof(settings, server), "URL",                                          \
-            "the daemon (default $BLOCKWRIGHT_SERVER or http://127.0.0.1:8080)", 0, 0                        \
-    }
+/* Options of every remote command, whose settings have a member `remote`. */
+#define CLI_REMOTE_OPTIONS(settings)                                                                         \
+    {"server", 's', CLI_TEXT, offsetof(settings, remote.server), "URL",                                      \
+     "the daemon (default $BLOCKWRIGHT_SERVER or http://127.0.0.1:8080)", 0, 0},                             \
+    {"token-file", 0, CLI_TEXT, offsetof(settings, remote.token_file), "FILE",                               \
+     "file with the access token, if the daemon wants one (default $BLOCKWRIGHT_TOKEN, the token)", 0, 0},   \
+    {"ca-file", 0, CLI_TEXT, offsetof(settings, remote.ca_file), "FILE",                                     \
+     "certificates to trust for https, as PEM (default $BLOCKWRIGHT_CA_FILE or the system's)", 0, 0}
 
 /* Follows a job until it has ended, showing its progress. A daemon that is restarted meanwhile is waited for
  * (half a minute). Returns the exit code of the job's end; the reason of a failure is on standard error. */
@@ -29,7 +31,7 @@ const char *cli_text_of(const json_t *object, const char *key);
 
 /* A command whose only operand is a job's id and whose only option is the daemon: its settings, and all of it but what it does. */
 typedef struct {
-    const char *server;
+    cli_remote remote;
 } cli_job_settings;
 int cli_run_on_job(const cli_command *self, int argc, char **argv, int (*act)(cli_http *http, const char *id));
 

@@ -3,7 +3,7 @@
 
 #include "remote.h"
 
-static const cli_option options[] = {CLI_SERVER_OPTION(cli_job_settings)};
+static const cli_option options[] = {CLI_REMOTE_OPTIONS(cli_job_settings)};
 
 static int delete(cli_http *http, const char *id) {
     char path[128];

@@ -10,14 +10,15 @@
 #include "remote.h"
 
 typedef struct {
-    const char *server, *name, *out, *tags, *key;
+    cli_remote remote;
+    const char *name, *out, *tags, *key;
     int64_t priority;
     cli_job_options job;
     bool wait, quiet;
 } settings;
 
 static const cli_option options[] = {
-    CLI_SERVER_OPTION(settings),
+    CLI_REMOTE_OPTIONS(settings),
     CLI_JOB_OPTIONS(settings),
     {"name", 0, CLI_TEXT, offsetof(settings, name), "TEXT", "what to call the job (default: the file's name)",
      0, 0},
@@ -149,7 +150,7 @@ static int run(const cli_command *self, int argc, char **argv) {
     const char *problem = "out of memory";
     json_t *job_options = cli_job_options_json(&s.job, &problem);
     if (!job_options) return cli_usage_error(self, "%s", problem);
-    cli_http *http = cli_http_open(s.server);
+    cli_http *http = cli_http_open(&s.remote);
     int code = submit(http, &s, job_options, operands.operand[0]);
     cli_http_close(http);
     json_decref(job_options);

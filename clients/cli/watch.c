@@ -9,12 +9,12 @@
 static const double patience_seconds = 30; /* how long a daemon that did answer before is waited for */
 
 typedef struct {
-    const char *server;
+    cli_remote remote;
     bool quiet;
 } settings;
 
 static const cli_option options[] = {
-    CLI_SERVER_OPTION(settings),
+    CLI_REMOTE_OPTIONS(settings),
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress, only how it ended", 0, 0},
 };
 
@@ -109,7 +109,7 @@ static int run(const cli_command *self, int argc, char **argv) {
     cli_operands operands;
     if (!cli_parse(self, argc, argv, &s, &operands, 1, 1) || !cli_check_id(self, operands.operand[0]))
         return CLI_USAGE;
-    cli_http *http = cli_http_open(s.server);
+    cli_http *http = cli_http_open(&s.remote);
     int code = cli_watch(http, operands.operand[0], s.quiet);
     if (code == CLI_DONE) printf("%s successful\n", operands.operand[0]);
     cli_http_close(http);

@@ -29,6 +29,8 @@ Usage: blockwright.sh COMMAND ...
   report ID          print its report.json
 
 The daemon's address: --server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.
+Its access token, if it wants one: the environment's BLOCKWRIGHT_TOKEN, or the first line of --token-file FILE. Certificates to
+trust for https: the environment's BLOCKWRIGHT_CA_FILE, or the system's.
 --quiet says nothing but ids and errors.
 
 Exit codes: 0 done, 2 usage, 3 bad input, 4 limit reached or cancelled, 5 internal.
@@ -120,7 +122,7 @@ request() {
     HEAD) set -- --head "$@" ;;
     *) set -- -X "$method" "$@" ;;
     esac
-    status=$(curl -sS --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$work/body" \
+    status=$(curl -sS -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$work/body" \
         -w '%{http_code}' "$@" "$server$path" 2>"$work/curl")
     case $status in
     [2345][0-9][0-9]) return 0 ;;
@@ -312,7 +314,7 @@ fetch_one() {
         ;;
     esac
     part=$out/.$1.part
-    status=$(curl -sS --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$part" -w '%{http_code}' \
+    status=$(curl -sS -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$part" -w '%{http_code}' \
         "$server/v1/jobs/$id/results/$1" 2>"$work/curl")
     case $status in
     200) ;;
@@ -401,6 +403,7 @@ show() {
 # ---- command line ----
 
 server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
+token=${BLOCKWRIGHT_TOKEN:-}
 quiet=no
 wait=no
 repair=no
@@ -437,10 +440,14 @@ while [ $# -gt 0 ]; do
     --tmesh) tmesh=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
+    --server | --token-file | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
+        --token-file)
+            [ -r "$2" ] || mistake "cannot read $2"
+            IFS= read -r token <"$2" || [ -n "$token" ] || mistake "$2 is empty"
+            ;;
         --out | -o) out=$2 ;;
         --complex) complex=$2 ;;
         --kind) kind=$2 ;;
@@ -494,6 +501,16 @@ trap 'rm -rf "$work"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 : >"$work/body"
+# In a file that nobody else can read, not in curl's words, which everybody can.
+(
+    umask 077
+    [ -z "$token" ] || printf 'header = "Authorization: Bearer %s"\n' "$(printf '%s' "$token" | tr -d '\000-\040"\\\177')"
+    [ -z "${BLOCKWRIGHT_CA_FILE:-}" ] || printf 'cacert = "%s"\n' "$(printf '%s' "$BLOCKWRIGHT_CA_FILE" | sed 's/[\\"]/\\&/g')"
+) >"$work/curlrc"
+case $token:$server in
+:* | *:https://* | *:http://127.* | *:http://localhost* | *:http://\[::1\]*) ;;
+*) error "warning: the access token goes to $server unencrypted" ;;
+esac
 
 case $command in
 '') mistake "which command?" ;;

@@ -1,6 +1,6 @@
 // One job: how far it is, the best that its search has found so far, the buttons to settle for that or to cancel; why it failed; its report and its files. The job is
 // asked for again until it has ended.
-import { $, call, el, Refused } from './dom.mjs';
+import { $, call, el, Refused, save } from './dom.mjs';
 import { kindFound, sectionsOf } from './report.mjs';
 import { bytes, counted, seconds } from './text.mjs';
 
@@ -46,7 +46,9 @@ function failureOf(failure) {
     places.length ? el('ul', {}, ...places, more > 0 && el('li', {}, `and ${counted(more, 'more', 'more')}`)) : null);
 }
 
-const fileOf = f => el('tr', {}, el('th', {}, el('a', { href: f.href.slice(1), download: f.name }, f.name)), el('td', {}, bytes(f.bytes)));
+const complain = text => ($('trouble').textContent = text);
+
+const fileOf = f => el('tr', {}, el('th', {}, el('a', { href: f.href.slice(1), download: f.name, onclick: event => save(event, f.name, complain) }, f.name)), el('td', {}, bytes(f.bytes)));
 
 const filesOf = results => el('section', {}, el('h3', {}, 'Files'), el('table', {}, el('tbody', {}, ...results.map(fileOf))));
 
@@ -64,6 +66,7 @@ export class JobPage {
   /** atEnd(job, results) when it has ended, results: the manifest, empty if it was not successful; lost(text) when there is no such job; moved(job) at every answer before. */
   constructor({ atEnd, lost, moved }) {
     Object.assign(this, { atEnd, lost, moved, id: '', run: 0 });
+    $('log').addEventListener('click', event => save(event, `${this.id}.log.txt`, complain));
     $('finish').addEventListener('click', () => this.ask('finish'));
     $('cancel').addEventListener('click', () => {
       if (confirm('Cancel this job? Nothing of it is kept, nor is the best that was found so far.')) this.ask('cancel');
@@ -109,7 +112,7 @@ export class JobPage {
 
   again(pause) { this.timer = setTimeout(() => this.poll(), document.hidden ? SELDOM : pause); }
 
-  complain(text) { $('trouble').textContent = text; }
+  complain(text) { complain(text); }
 
   /** Cancel or finish. What the daemon says against it stays on the page until the next wish. */
   async ask(what) {

@@ -1,5 +1,5 @@
 // The page: which of its views is shown, document.body.dataset.view: list (of jobs), job (progress or report) or mesh; by the address: #<id> of a job, #<id>/report, or none.
-import { $, call, el, tell } from './dom.mjs';
+import { $, call, el, tell, useToken } from './dom.mjs';
 import { ended, JobPage, stateOf } from './job.mjs';
 import { MeshView } from './viewer.mjs';
 
@@ -95,6 +95,11 @@ function follow() {
   else tell('empty', 'Choose a job, or open a file');
   if (!id) listJobs();
 }
+
+$('access').addEventListener('submit', event => {
+  event.preventDefault(); // it goes nowhere but into the headers of requests
+  useToken($('token').value);
+});
 
 function openFile() {
   const [file] = $('file').files;

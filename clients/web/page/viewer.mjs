@@ -1,5 +1,5 @@
 // A hex mesh: what of it is shown and how, by the controls beside it, the mouse and keys.
-import { $ } from './dom.mjs';
+import { $, credentials } from './dom.mjs';
 import { blockColour, lineColour, qualityColour, Scene } from './draw.mjs';
 import { count, counted, real } from './text.mjs';
 
@@ -66,7 +66,7 @@ export class MeshView {
     for (const id of ['by', 'at', 'below', 'apart']) $(id).value = $(id).dataset.first;
     this.scene.apart = 0;
     this.say('working', 'Loading \u2026');
-    this.worker.postMessage({ load: what, run: this.run });
+    this.worker.postMessage({ load: { ...what, headers: credentials() }, run: this.run });
   }
 
   /** Nothing is shown any more, and what the worker still has to say of it is not listened to. */

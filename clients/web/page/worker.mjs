@@ -1,6 +1,6 @@
 // Everything that takes long, off the page's thread: fetching, decoding, neighbours, quality, skins.
 //
-//     to it    {load: {url} | {file}, run}     from it   {step, run} ...  {mesh: {...}, run}
+//     to it    {load: {url, headers} | {file}, run}   from it   {step, run} ...  {mesh: {...}, run}
 //              {cut: {by, at, below, apart}, run}        {skin: {...}, run}
 //                                              or        {failed: text, run}
 //
@@ -16,8 +16,8 @@ const MOST_QUADS = 2e6;
 
 let mesh, mate, quality, box, ways;
 
-async function fetchBytes(url) {
-  const answer = await fetch(url);
+async function fetchBytes(url, headers) {
+  const answer = await fetch(url, { headers });
   if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).detail || `${url}: ${answer.status} ${answer.statusText}`);
   return answer.arrayBuffer();
 }
@@ -38,9 +38,9 @@ function linesOf(edges) {
   return { ends, away, valence: instances.map(e => e.valence), inside: instances.map(e => e.inside), valences };
 }
 
-async function load({ url, file }, run) {
+async function load({ url, headers, file }, run) {
   postMessage({ step: 'Fetching', run });
-  const bytes = new Uint8Array(url ? await fetchBytes(url) : await file.arrayBuffer());
+  const bytes = new Uint8Array(url ? await fetchBytes(url, headers) : await file.arrayBuffer());
   postMessage({ step: 'Decoding', run });
   mesh = await decode(bytes, { maxBytes: MOST_BYTES });
   postMessage({ step: 'Finding neighbours', run });

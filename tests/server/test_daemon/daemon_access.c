@@ -11,7 +11,7 @@
 static kit_daemon d;
 static const char marker[] = "OF-ALICE", script[] = "* log LOG-OF-ALICE\n# TEXT-OF-ALICE\n";
 static kit_token alice, bob, reader, submitter, watcher, admin, expired, revoked;
-static char input[BW_SHA256_TEXT], done[32], running[32], waiting[32]; /* all alice's */
+static char input[BW_SHA256_TEXT], done[32], running[32], waiting[32], upload[80]; /* all alice's */
 
 static void create(const char *content, char hash[BW_SHA256_TEXT], char id[32]) {
     char path[120], body[300];
@@ -65,6 +65,12 @@ static int start(void **state) {
     create("sanitize sleep 600000\n# TEXT-OF-ALICE\n", hash, running);
     wait_for(running, "running");
     create("sanitize sleep 600001\n", hash, waiting);
+    char headers[200];
+    snprintf(headers, sizeof headers, "Authorization: Bearer %s\nTus-Resumable: 1.0.0\nUpload-Length: 100", alice.secret);
+    kit_reply r = kit_request(&d, "POST", "/v1/uploads", headers, NULL, 0);
+    assert_int_equal(r.status, 201);
+    snprintf(upload, sizeof upload, "%s", strrchr(r.location, '/') + 1);
+    kit_free(&r);
     kit_sleep_ms(1100); /* `expired` is */
     return 0;
 }
@@ -87,7 +93,8 @@ static void address_of(const bw_endpoint *e, const char *job, char path[400]) {
             continue;
         }
         const char *value = strncmp(at, "{id}", 4) == 0 ? job : strncmp(at, "{sha256}", 8) == 0 ? input : strncmp(at, "{name}", 6) == 0 ? name
-                            : "0123456789abcdef01234567";
+                            : strncmp(at, "{upload}", 8) == 0 ? upload : NULL;
+        if (!value) fail_msg("%s: what is to stand for %s?", e->id, at);
         n += (size_t)sprintf(path + n, "%s", value);
         at += strcspn(at, "}") + 1;
     }
@@ -101,7 +108,9 @@ static kit_reply ask(const bw_endpoint *e, const char *secret, const char *job) 
         snprintf(body, sizeof body, strcmp(e->id, "job_create") == 0 ? "{\"input\": \"%s\"}" : "{\"jobs\": [{\"input\": \"%s\"}]}", input);
         return kit_ask(&d, secret, e->method, path, body);
     }
-    if (secret) snprintf(headers, sizeof headers, "Authorization: Bearer %s\nTus-Resumable: 1.0.0", secret);
+    int n = snprintf(headers, sizeof headers, "Tus-Resumable: 1.0.0\nUpload-Offset: 0\nUpload-Length: 5%s",
+                     strcmp(e->method, "PATCH") == 0 ? "\nContent-Type: application/offset+octet-stream" : "");
+    if (secret) snprintf(headers + n, sizeof headers - (size_t)n, "\nAuthorization: Bearer %s", secret);
     bool brings = strcmp(e->method, "PUT") == 0 || strcmp(e->method, "PATCH") == 0;
     return kit_request(&d, e->method, path, headers, brings ? "other bytes" : NULL, brings ? 11 : 0);
 }
@@ -130,6 +139,13 @@ static void expect_unchanged(void) {
     json_t *page = kit_json(&r);
     assert_int_equal(json_array_size(json_object_get(page, "jobs")), 3);
     json_decref(page);
+    char headers[200], path[120];
+    snprintf(headers, sizeof headers, "Authorization: Bearer %s\nTus-Resumable: 1.0.0", alice.secret);
+    snprintf(path, sizeof path, "/v1/uploads/%s", upload);
+    r = kit_request(&d, "HEAD", path, headers, NULL, 0);
+    assert_int_equal(r.status, 200);
+    assert_string_equal(kit_header(&r, "Upload-Offset"), "0");
+    kit_free(&r);
 }
 
 static void without_a_token_that_holds_every_endpoint_says_401_or_is_public(void **state) {
@@ -193,6 +209,7 @@ static void a_foreign_token_finds_nothing_and_changes_nothing(void **state) {
             else if (strcmp(e->id, "blob_head") == 0) expect_refusal(e, r, 404, "no-such-blob");
             else if (strcmp(e->id, "blob_put") == 0) expect_refusal(e, r, 422, "hash-mismatch");
             else if (strcmp(e->id, "job_create") == 0 || strcmp(e->id, "batch_create") == 0) expect_refusal(e, r, 422, "unknown-input");
+            else if (strstr(e->path, "{upload}") && e->scope) expect_refusal(e, r, 404, "no-such-upload");
             else if (e->scope & (BW_SCOPE_READ_ALL | BW_SCOPE_ADMIN)) expect_refusal(e, r, 403, "insufficient-scope");
             else expect_nothing_of_alice(e, &r), kit_free(&r);
         }
@@ -341,6 +358,21 @@ static void no_token_is_in_a_log_a_file_or_the_words_of_a_process(void **state) 
     fclose(f);
 }
 
+static void the_page_asks_for_a_token_and_shows_it(void **state) {
+    char folder[] = "/tmp/bw-page-XXXXXX", command[500];
+    (void)state;
+    if (system("command -v node >/dev/null && command -v chromium >/dev/null") != 0) {
+        print_message("             node or chromium is not here: not tested\n");
+        skip();
+    }
+    assert_non_null(mkdtemp(folder));
+    snprintf(command, sizeof command, "node %s/tests/clients/page/access_test.mjs chromium %s http://%s/ %s %s", BW_SOURCE_DIR, folder, d.address, alice.secret, done);
+    int status = system(command);
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    assert_int_equal(system(command), 0);
+    assert_int_equal(status, 0);
+}
+
 static void the_control_socket_is_the_daemons_users_alone(void **state) {
     char path[100];
     struct stat info;
@@ -361,6 +393,7 @@ int main(void) {
         cmocka_unit_test(an_admin_may_stop_the_jobs_of_others),
         cmocka_unit_test(a_hash_alone_gives_nothing_the_bytes_do),
         cmocka_unit_test(no_token_is_in_a_log_a_file_or_the_words_of_a_process),
+        cmocka_unit_test(the_page_asks_for_a_token_and_shows_it),
         cmocka_unit_test(the_control_socket_is_the_daemons_users_alone),
     };
     return cmocka_run_group_tests(tests, start, stop);

@@ -122,6 +122,55 @@ static void a_new_certificate_is_taken_over_at_sighup(void **state) {
     kit_remove(&d);
 }
 
+/* ---- the clients ---- */
+
+/* Exit code of a command with the daemon's address and what else is set before it. */
+static int client(const char *settings, const char *command) {
+    char line[1000];
+    snprintf(line, sizeof line, "cd %s && BLOCKWRIGHT_SERVER=https://%s %s %s >out 2>err </dev/null", folder, d.address, settings, command);
+    int status = system(line);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 256;
+}
+
+static bool in_file(const char *text, const char *name) {
+    char command[400];
+    snprintf(command, sizeof command, "grep -qF -- '%s' %s/%s", text, folder, name);
+    return system(command) == 0;
+}
+
+static void both_clients_show_their_token_over_https(void **state) {
+    static const char *const programs[] = {BW_BIN_DIR "/blockwright", "sh " BW_SOURCE_DIR "/clients/sh/blockwright.sh"};
+    char trust[120], with[300], path[100], command[400];
+    (void)state;
+    need_openssl();
+    kit_start(&d, NULL, (const char *const[]){"--tls-cert", certificate, "--tls-key", key, NULL});
+    kit_token token = kit_new_token(&d, "a", "");
+    snprintf(trust, sizeof trust, "BLOCKWRIGHT_CA_FILE=%s", certificate);
+    snprintf(with, sizeof with, "%s BLOCKWRIGHT_TOKEN=%s", trust, token.secret);
+    snprintf(path, sizeof path, "%s/token", folder);
+    FILE *f = fopen(path, "w");
+    fprintf(f, "%s\n", token.secret);
+    fclose(f);
+    snprintf(path, sizeof path, "%s/part", folder);
+    f = fopen(path, "w");
+    fprintf(f, "# a script\n");
+    fclose(f);
+    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
+        snprintf(command, sizeof command, "%s ls", programs[i]);
+        assert_int_not_equal(client(trust, command), 0);
+        assert_true(in_file("access token", "err"));
+        assert_int_not_equal(client("", command), 0); /* nobody trusts this certificate by itself */
+        assert_int_equal(client(with, command), 0);
+        snprintf(command, sizeof command, "%s ls --token-file token", programs[i]);
+        assert_int_equal(client(trust, command), 0);
+        snprintf(command, sizeof command, "%s submit part --out result%zu", programs[i], i);
+        if (client(with, command) != 0) fail_msg("%s in %s", command, folder);
+        assert_false(in_file(token.secret, "err"));
+        assert_false(in_file("unencrypted", "err"));
+    }
+    kit_remove(&d);
+}
+
 /* ---- refusing to start ---- */
 
 /* The exit code of a daemon that is not to start; -1 if it goes on. Its errors are in DATA.log. */
@@ -216,6 +265,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tls_is_spoken_and_nothing_else),
         cmocka_unit_test(a_new_certificate_is_taken_over_at_sighup),
+        cmocka_unit_test(both_clients_show_their_token_over_https),
         cmocka_unit_test(a_bad_pair_of_certificate_and_key_is_refused),
         cmocka_unit_test(other_addresses_than_loopback_want_tokens_and_tls_or_a_proxy),
         cmocka_unit_test(forwarded_addresses_are_believed_from_proxies_only),
