@@ -8,6 +8,7 @@
  *     DATA/uploads/               uploads that can be resumed (partial.h)
  *     DATA/jobs.db                the queue (queue.h)
  *     DATA/address                address of the running daemon
+ *     DATA/control                socket of the running daemon (admin.h)
  *     DATA/lock, spawner.lock     held by the daemon, and by the spawner until its last worker is gone
  *
  * Invariants
