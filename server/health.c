@@ -128,6 +128,7 @@ void bw_health_stop(bw_health *h) {
     pthread_cond_signal(&h->wanted);
     pthread_mutex_unlock(&h->lock);
     pthread_join(h->thread, NULL);
+    unlink(h->path);
     pthread_cond_destroy(&h->wanted);
     pthread_mutex_destroy(&h->lock);
     free(h);

@@ -154,6 +154,7 @@ static int open_regular(const char *path, uint64_t *bytes) {
     if (fd < 0) return -1;
     if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode)) {
         close(fd);
+        errno = EIO;
         return -1;
     }
     *bytes = (uint64_t)st.st_size;
@@ -162,6 +163,7 @@ static int open_regular(const char *path, uint64_t *bytes) {
 
 int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *bytes) {
     char path[PATH_MAX];
+    errno = ENOENT;
     if (!bw_is_sha256(sha256)) return -1;
     blob_path(store, sha256, path);
     return open_regular(path, bytes);

@@ -46,7 +46,7 @@ uint64_t bw_upload_bytes(const bw_upload *upload);
 
 /* Makes a synced file of this content, which lies in the data folder, the blob: it is renamed, durably. */
 bw_status bw_store_adopt(bw_store *store, const char *path, const char *sha256);
-/* A descriptor for reading, or -1 if there is no such blob. */
+/* A descriptor for reading, or -1; errno is ENOENT if there is no such blob, else it may be there and cannot be had now. */
 int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *bytes);
 /* A descriptor of the cached state file, or of result file `name` in the cached folder (NULL: the file itself). -1: none. */
 int bw_store_open_cached(const bw_store *store, const char *key, const char *name, uint64_t *bytes);

@@ -195,8 +195,10 @@ bool bw_http_owner_wanted(bw_request *r, const char **owner) {
 
 int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes) {
     bool owns = r->caller.open; /* then also what was uploaded before blobs had owners */
-    if (!owns && bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns) != BW_OK) owns = false;
-    return owns ? bw_store_open_blob(r->services->store, sha256, bytes) : -1;
+    bw_status status = owns ? BW_OK : bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns);
+    if (status == BW_OK && owns) return bw_store_open_blob(r->services->store, sha256, bytes);
+    errno = status == BW_OK ? ENOENT : EIO;
+    return -1;
 }
 
 typedef struct {

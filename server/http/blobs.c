@@ -1,5 +1,6 @@
 #include "server/http/operations.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -96,6 +97,7 @@ void bw_http_blob_head(bw_request *r) {
     uint64_t bytes;
     if (!is_hash(r)) return;
     int fd = bw_http_open_blob(r, r->parameters[0], &bytes);
-    if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
+    if (fd < 0 && errno != ENOENT) bw_reply_storage(r);
+    else if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
     else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = "application/octet-stream", .sha256 = r->parameters[0]});
 }

@@ -158,6 +158,7 @@ static void wait_for_traffic(bw_traffic *traffic) {
     while (traffic->suspended) pthread_cond_wait(&traffic->changed, &traffic->lock);
     while (traffic->active && pthread_cond_timedwait(&traffic->changed, &traffic->lock, &until) == 0) continue;
     while (traffic->suspended) pthread_cond_wait(&traffic->changed, &traffic->lock);
+    traffic->closed = true; /* a connection that is kept may bring another request yet */
     pthread_mutex_unlock(&traffic->lock);
 }
 

@@ -1,6 +1,7 @@
 /* A job as a client describes it, read and checked. */
 #include "server/http/job_read.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -49,6 +50,7 @@ static bool read_blob(const reading *x, const json_t *body, const char *member, 
         return refuse(x, BW_PROBLEM_BAD_JSON, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
     memcpy(hash, text, BW_SHA256_TEXT);
     int fd = bw_http_open_blob(x->request, hash, &size);
+    if (fd < 0 && errno != ENOENT) return refuse(x, BW_PROBLEM_IO, "the daemon's storage failed"); /* it may be there */
     if (fd < 0) return refuse(x, BW_PROBLEM_UNKNOWN_INPUT, "upload the %s first: PUT /v1/blobs/%s", member, hash);
     close(fd);
     *bytes = (int64_t)size;

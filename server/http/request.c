@@ -206,6 +206,24 @@ static bw_request *new_request(bw_traffic *traffic, struct MHD_Connection *conne
     return r;
 }
 
+/* May the operation's function run? Not when the library is being stopped, for then nothing may be suspended. */
+static bool enter(bw_request *r) {
+    pthread_mutex_lock(&r->traffic->lock);
+    bool open = !r->traffic->closed;
+    r->traffic->suspended += open;
+    pthread_mutex_unlock(&r->traffic->lock);
+    if (open) return true;
+    bw_reply_problem(r, BW_PROBLEM_NOT_READY, "the daemon is stopping");
+    bw_reply_header(r, "Connection", "close");
+    return false;
+}
+
+static void leave(bw_traffic *traffic) {
+    pthread_mutex_lock(&traffic->lock);
+    if (--traffic->suspended == 0) pthread_cond_signal(&traffic->changed);
+    pthread_mutex_unlock(&traffic->lock);
+}
+
 enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection, const char *url, const char *method,
                                    const char *version, const char *data, size_t *size, void **state) {
     bw_request *r = *state;
@@ -225,7 +243,10 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
     }
     r->held = false;
     bw_guard_work(r->guarded);
-    if (!r->reply) (r->resume ? r->resume : handle)(r);
+    if (!r->reply && enter(r)) {
+        (r->resume ? r->resume : handle)(r);
+        leave(user);
+    }
     return r->held ? MHD_YES : bw_reply_send(r);
 }
 
@@ -259,11 +280,9 @@ void bw_request_suspend(bw_request *r) {
 }
 
 void bw_request_resume(bw_request *r) {
-    bw_traffic *traffic = r->traffic;
+    bw_traffic *traffic = r->traffic; /* the request may be gone before the count is down */
     MHD_resume_connection(r->connection);
-    pthread_mutex_lock(&traffic->lock);
-    if (--traffic->suspended == 0) pthread_cond_signal(&traffic->changed);
-    pthread_mutex_unlock(&traffic->lock);
+    leave(traffic);
 }
 
 static bw_status run_write(bw_writer *w, void *user) {

@@ -39,7 +39,8 @@ typedef struct {
     const bw_services *services;
     pthread_mutex_t lock;
     pthread_cond_t changed; /* a count has become 0 */
-    unsigned active, suspended;
+    unsigned active, suspended; /* the latter also while an operation's function runs, which may suspend */
+    bool closed;                /* the library is being stopped: no such function is called any more */
     bw_pool *pool;         /* for what would hold up an HTTP thread */
     bw_partials *partials; /* uploads that can be resumed */
 } bw_traffic;

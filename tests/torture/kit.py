@@ -99,6 +99,12 @@ def status_kib(pid, field):
     return 0
 
 
+def sanitized(program):
+    """Whether it was built with the address sanitizer, which takes memory as it likes."""
+    with open(program, "rb") as f:
+        return b"__asan_init" in f.read()
+
+
 def tree_bytes(path):
     """Bytes and number of the files below a folder; what vanishes meanwhile is not counted."""
     total = count = 0
@@ -203,14 +209,15 @@ class Daemon:
         return found[0] if found else 0
 
     def workers(self):
-        """[(pid, job, stage)] of the worker processes below the spawner, however deep."""
+        """[(pid, job, stage)] of the worker processes below the spawner, without what a worker starts itself (a leak checker)."""
         found, todo = [], children(self.spawner()) if self.spawner() else []
         while todo:
             pid = todo.pop()
             words = command_line(pid)
             if "--stage" in words and "--job" in words:
                 found.append((pid, words[words.index("--job") + 1], words[words.index("--stage") + 1]))
-            todo += children(pid)
+            else:
+                todo += children(pid)
         return found
 
     def log(self, all_starts=False):

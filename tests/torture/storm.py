@@ -222,7 +222,7 @@ class Storm:
         client, total, states = kit.Client(self.daemon), 0, {}
         before = time.monotonic()
         for job in self.jobs:
-            state = client.wait_final(job.id, 900)
+            state = client.wait_final(job.id, 900 if self.a.full else 120)
             job.check_final(state, self.stages)
             states[state["state"]] = states.get(state["state"], 0) + 1
             if state["state"] == "successful":
