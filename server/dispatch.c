@@ -126,8 +126,12 @@ static void release(bw_dispatch *d, slot *s) {
 
 /* The key of the output that the job's stage makes or has made. */
 static bool key_of(const bw_job *job, const json_t *options, int stage, char key[BW_SHA256_TEXT]) {
+    static const int searches = 3; /* reduce, the first stage that makes the best of the memory it has */
     bool own = job->cut && stage + 1 >= job->cut;
-    return bw_cache_key(job->input, job->parameters, options, stage, own ? job->id : "", key);
+    char memory[40] = "";
+    uint64_t asked = stage < searches ? 0 : bw_stage_limits_memory(job->limits);
+    if (asked) snprintf(memory, sizeof memory, "memory %" PRIu64, asked);
+    return bw_cache_key(job->input, job->parameters, options, stage, own ? job->id : memory, key);
 }
 
 /* The file that the stage reads: the upload, or the state that the stage before has left in the cache. */
@@ -224,7 +228,7 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     bw_count(BW_METRIC_CLAIMS, s->job.stage, 0, 1);
     if (s->job.attempt == 1) bw_observe(BW_METRIC_QUEUE_WAIT, 0, bw_age_ms(s->job.created));
     if (s->job.tries == 1) bw_count(BW_METRIC_CACHE_MISSES, s->job.stage, 0, 1);
-    s->limits = bw_stage_limits_of(d->config);
+    s->limits = bw_stage_limits_of(d->config, s->job.limits);
     s->need = need;
     s->peak = 0;
     s->started = bw_mono_ms();
@@ -243,7 +247,7 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
 /* About how many bytes the job's next stage will take: as told by the stage before, or by the size of what it reads. No more than it may. */
 static bw_status need_of(bw_dispatch *d, const bw_job *job, const json_t *options, uint64_t *need) {
     char key[BW_SHA256_TEXT];
-    uint64_t bytes = 0, more = 0, most = bw_stage_limits_of(d->config).memory;
+    uint64_t bytes = 0, more = 0, most = bw_stage_limits_of(d->config, job->limits).memory;
     bw_status status = BW_OK;
     *need = 0;
     if (job->stage > 0 && key_of(job, options, job->stage - 1, key)) status = bw_queue_output_need(d->queue, key, need);

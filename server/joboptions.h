@@ -15,7 +15,7 @@ bool bw_joboptions_check(const json_t *given, json_t **all, char *detail, size_t
 int bw_joboptions_stages(const json_t *all);
 /* The name under which the output of `stage` is cached: a hash over the hashes of the input and of its file of parameters ("":
  * none) and, for every stage up to this one, its name, version and the options it depends on. `all` is a checked object. `owner` is
- * "", or the id of the only job that the output is for, because a search was cut short in it.
+ * "", or the id of the only job that the output is for, because a search was cut short in it, or the memory that jobs had for it.
  * False if out of memory. */
 bool bw_cache_key(const char *input_sha256, const char *parameters_sha256, const json_t *all, int stage,
                   const char *owner, char key[BW_SHA256_TEXT]);

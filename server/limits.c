@@ -1,6 +1,45 @@
 #include "server/limits.h"
 
-bw_stage_limits bw_stage_limits_of(const bw_config *c) {
-    uint64_t file = c->stage_output < c->stage_scratch ? c->stage_output : c->stage_scratch;
-    return (bw_stage_limits){c->stage_memory, file, c->stage_scratch, c->stage_cpu_seconds, c->stage_wall_seconds};
+#include <stdio.h>
+#include <string.h>
+
+static const char *const names[] = {"memory", "scratch", "cpu_seconds", "wall_seconds"};
+
+static uint64_t lower(const json_t *asked, const char *name, uint64_t own) {
+    json_int_t n = json_integer_value(json_object_get(asked, name));
+    return n > 0 && (uint64_t)n < own ? (uint64_t)n : own;
+}
+
+bw_stage_limits bw_stage_limits_of(const bw_config *c, const char *asked) {
+    json_t *o = asked ? json_loads(asked, 0, NULL) : NULL;
+    bw_stage_limits l = {.memory = lower(o, "memory", c->stage_memory), .scratch = lower(o, "scratch", c->stage_scratch),
+                         .cpu_seconds = (int)lower(o, "cpu_seconds", (uint64_t)c->stage_cpu_seconds),
+                         .wall_seconds = (int)lower(o, "wall_seconds", (uint64_t)c->stage_wall_seconds)};
+    uint64_t file = c->stage_output;
+    l.file = file < l.scratch ? file : l.scratch;
+    json_decref(o);
+    return l;
+}
+
+bool bw_stage_limits_check(const json_t *asked, char *detail, size_t size) {
+    const char *name;
+    json_t *value;
+    snprintf(detail, size, "limits must be an object");
+    if (!json_is_object(asked)) return false;
+    json_object_foreach((json_t *)asked, name, value) {
+        bool known = false;
+        for (size_t i = 0; i < sizeof names / sizeof *names; i++) known |= strcmp(names[i], name) == 0;
+        if (!known) snprintf(detail, size, "there is no limit '%.60s'", name);
+        else if (!json_is_integer(value) || json_integer_value(value) < 1) snprintf(detail, size, "limit %s must be a positive integer", name);
+        else continue;
+        return false;
+    }
+    return true;
+}
+
+uint64_t bw_stage_limits_memory(const char *asked) {
+    json_t *o = asked ? json_loads(asked, 0, NULL) : NULL;
+    json_int_t n = json_integer_value(json_object_get(o, "memory"));
+    json_decref(o);
+    return n > 0 ? (uint64_t)n : 0;
 }

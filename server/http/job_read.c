@@ -10,6 +10,7 @@
 #include "server/http/access.h"
 #include "server/http/reply.h"
 #include "server/joboptions.h"
+#include "server/limits.h"
 
 enum { NAME_BYTES_MOST = 200 };
 
@@ -31,7 +32,7 @@ static bool refuse(const reading *x, bw_problem problem, const char *format, ...
 }
 
 static bool check_members(const reading *x, json_t *body) {
-    static const char *const members[] = {"input", "parameters", "name", "options", "priority", "tags"};
+    static const char *const members[] = {"input", "parameters", "name", "options", "limits", "priority", "tags"};
     const char *key;
     json_t *value;
     json_object_foreach(body, key, value) {
@@ -95,6 +96,16 @@ static bool read_tags(const reading *x, const json_t *body, bw_job *job) {
     return true;
 }
 
+static bool read_limits(const reading *x, const json_t *body, bw_job *job) {
+    char detail[200];
+    const json_t *limits = json_object_get(body, "limits");
+    if (!limits) return true;
+    if (!bw_stage_limits_check(limits, detail, sizeof detail)) return refuse(x, BW_PROBLEM_INVALID_OPTION, "%s", detail);
+    job->limits = json_dumps(limits, JSON_COMPACT | JSON_SORT_KEYS);
+    if (!job->limits) bw_reply_json(x->request, 500, NULL);
+    return job->limits != NULL;
+}
+
 static bool read_options(const reading *x, const json_t *body, bw_job *job) {
     char detail[200];
     json_t *all = NULL;
@@ -111,6 +122,6 @@ bool bw_http_read_job(bw_request *r, json_t *body, const char *place, bw_job *jo
     const reading x = {r, place};
     if (!json_is_object(body)) return refuse(&x, BW_PROBLEM_BAD_JSON, "a job is an object");
     return check_members(&x, body) && read_name(&x, body, job) && read_priority(&x, body, job) && read_tags(&x, body, job) &&
-           read_options(&x, body, job) && read_blob(&x, body, "input", job->input, &job->input_bytes) &&
+           read_options(&x, body, job) && read_limits(&x, body, job) && read_blob(&x, body, "input", job->input, &job->input_bytes) &&
            (!json_object_get(body, "parameters") || read_blob(&x, body, "parameters", job->parameters, &job->parameters_bytes));
 }

@@ -70,6 +70,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     if (!job->open && bw_dispatch_waits_for_memory(r->services->dispatch, job->id)) json_object_set_new(o, "waits_for", json_string("memory"));
     if (*note) json_object_set_new(o, "note", json_string(note));
     json_object_set_new(o, "options", json_loads(job->options, 0, NULL));
+    if (job->limits) json_object_set_new(o, "limits", json_loads(job->limits, 0, NULL));
     set_time(o, "created", job->created);
     set_time(o, "started", job->started);
     set_time(o, "finished", job->finished);

@@ -32,6 +32,7 @@ void bw_job_read(sqlite3_stmt *stmt, bw_job *job) {
     job->priority = sqlite3_column_int(stmt, 21);
     job->pinned = sqlite3_column_int(stmt, 22) != 0;
     job->tags = bw_sql_text(stmt, 23);
+    job->limits = bw_sql_text(stmt, 24);
 }
 
 void bw_job_clear(bw_job *job) {
@@ -39,7 +40,8 @@ void bw_job_clear(bw_job *job) {
     free(job->options);
     free(job->failure);
     free(job->tags);
-    job->name = job->options = job->failure = job->tags = NULL;
+    free(job->limits);
+    job->name = job->options = job->failure = job->tags = job->limits = NULL;
 }
 
 void bw_jobs_free(bw_job *jobs, size_t count) {

@@ -59,6 +59,7 @@ typedef struct {
     int cut; /* 1 + the first stage whose search was cut by `finish`: from it on, outputs are for this job only. 0: none */
     int64_t created, started, finished; /* ms; 0: not yet */
     char *name;                         /* may be NULL */
+    char *limits;                       /* JSON: those that the job has asked for (server/limits.h); NULL: none */
     char *options;                      /* canonical JSON */
     char *failure;                      /* JSON; NULL if it has not failed */
     char owner[BW_OWNER_TEXT];          /* "": the local one */

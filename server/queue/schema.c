@@ -85,7 +85,8 @@ static const char *const migrations[] = {
     "UPDATE outputs SET used = created;"
     "CREATE INDEX outputs_by_use ON outputs(used);"
     "CREATE TABLE gone (id TEXT PRIMARY KEY, owner TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE INDEX gone_by_age ON gone(at);"};
+    "CREATE INDEX gone_by_age ON gone(at);",
+    "ALTER TABLE jobs ADD COLUMN limits TEXT;"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which indexes and triggers above spell out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&

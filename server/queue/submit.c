@@ -33,9 +33,9 @@ static bw_status check_limits(bw_writer *w, bw_submit *s) {
 static bw_status insert(bw_writer *w, bw_job *job) {
     bw_sql *sql = &w->sql;
     bw_status status = bw_sql_run(sql, NULL, "INSERT INTO jobs (id, name, input, parameters, options, state, stage_count, created,"
-                                  " owner, priority) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?)", "sssssiisi", job->id, job->name,
+                                  " owner, priority, limits) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?, ?)", "sssssiisis", job->id, job->name,
                                   job->input, job->parameters, job->options, (int64_t)job->stage_count, job->created, job->owner,
-                                  (int64_t)job->priority);
+                                  (int64_t)job->priority, job->limits);
     if (status == BW_OK) job->seq = sqlite3_last_insert_rowid(sql->db);
     if (status == BW_OK && job->tags)
         status = bw_sql_run(sql, NULL, "INSERT OR IGNORE INTO tags (tag, seq) SELECT value, ?2 FROM json_each(?1)", "si", job->tags,

@@ -102,6 +102,41 @@ static void a_worker_that_takes_too_much_memory_is_refused_it(void **state) {
     expect_stopped("touch 4000000000", "memory-limit", "limit", "memory", 128 << 20, NULL);
 }
 
+/* Submits with limits of its own; returns the reply. */
+static kit_reply submit_with(const char *script, const char *limits) {
+    char hash[BW_SHA256_TEXT], body[300];
+    kit_upload(&d, script, hash);
+    int n = snprintf(body, sizeof body, "{\"input\":\"%s\",\"limits\":%s}", hash, limits);
+    return kit_request(&d, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n);
+}
+
+static void a_job_may_ask_for_less_and_not_for_more(void **state) {
+    (void)state;
+    static const struct {
+        const char *script, *limits, *what;
+        json_int_t allowed;
+    } cases[] = {{"trace sleep 60000\n", "{\"wall_seconds\":1}", "wall_seconds", 1},
+                 {"trace spin\n# less\n", "{\"cpu_seconds\":1}", "cpu_seconds", 1},
+                 {"trace many 20000000\n# less\n", "{\"scratch\":3000000}", "scratch", 3000000},
+                 {"trace fill 3000000\n# more\n", "{\"scratch\":900000000000}", "file", 2 << 20},
+                 {"trace fail memory-limit\n# less\n", "{\"memory\":100000000}", "memory", 100000000}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        kit_reply r = submit_with(cases[i].script, cases[i].limits);
+        assert_int_equal(r.status, 201);
+        json_t *made = kit_json(&r), *job = kit_wait(&d, kit_text(made, "id"), 60);
+        json_t *exceeded = json_object_get(json_object_get(job, "failure"), "limit");
+        assert_true(json_object_size(json_object_get(job, "limits")) == 1);
+        assert_string_equal(kit_text(exceeded, "what"), cases[i].what);
+        assert_int_equal(json_integer_value(json_object_get(exceeded, "allowed")), cases[i].allowed);
+        json_decref(job);
+        json_decref(made);
+    }
+    kit_expect_problem(submit_with("# no\n", "{\"memory\":0}"), 400, "invalid-option");
+    kit_expect_problem(submit_with("# no\n", "{\"memory\":\"1G\"}"), 400, "invalid-option");
+    kit_expect_problem(submit_with("# no\n", "{\"money\":1}"), 400, "invalid-option");
+    kit_expect_problem(submit_with("# no\n", "[]"), 400, "invalid-option");
+}
+
 static void a_log_is_cut_before_it_fills_the_disk(void **state) {
     (void)state;
     char id[32];
@@ -248,6 +283,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_worker_that_takes_too_much_is_stopped_as_a_limit),
         cmocka_unit_test(a_worker_that_takes_too_much_memory_is_refused_it),
+        cmocka_unit_test(a_job_may_ask_for_less_and_not_for_more),
         cmocka_unit_test(a_log_is_cut_before_it_fills_the_disk),
         cmocka_unit_test(a_worker_that_makes_a_forbidden_call_is_ended),
         cmocka_unit_test(a_worker_reaches_no_file_but_its_own),
