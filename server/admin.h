@@ -15,6 +15,7 @@
 #include <jansson.h>
 
 #include "server/access.h"
+#include "server/dispatch.h"
 #include "server/queue/queue.h"
 
 enum { BW_ADMIN_ERROR = 300 };
@@ -22,7 +23,8 @@ enum { BW_ADMIN_ERROR = 300 };
 typedef struct {
     bw_queue *queue;
     bw_access *access;
-} bw_admin_services; /* borrowed */
+    bw_dispatch *dispatch; /* NULL: no daemon runs */
+} bw_admin_services;       /* borrowed */
 
 typedef struct {
     const char *name;

@@ -88,9 +88,88 @@ static json_t *token_revoke(const bw_admin_services *s, const json_t *request, c
     return json_pack("{s:s}", "id", r.id);
 }
 
+/* ---- owners ---- */
+
+/* The limit of this name: a number, INT64_MAX for "none", -1 for "standard"; what it was if it is not given. False: it is none of these. */
+static bool read_limit(const json_t *request, const char *name, int64_t *limit) {
+    const json_t *value = json_object_get(request, name);
+    const char *word = json_string_value(value);
+    if (!value) return true;
+    if (word) *limit = strcmp(word, "none") == 0 ? INT64_MAX : -1;
+    else *limit = json_integer_value(value);
+    return word ? strcmp(word, "none") == 0 || strcmp(word, "standard") == 0 : json_is_integer(value) && *limit >= 1;
+}
+
+static bool find_quota(const bw_quota *quotas, size_t count, const char *owner, bw_quota *quota) {
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(quotas[i].owner, owner) == 0) {
+            *quota = quotas[i];
+            return true;
+        }
+    memset(quota, 0, sizeof *quota);
+    snprintf(quota->owner, sizeof quota->owner, "%s", owner);
+    quota->limits = (bw_limits){-1, -1, -1};
+    return false;
+}
+
+static json_t *limit_json(int64_t limit) { return limit < 0 ? json_string("standard") : limit == INT64_MAX ? json_string("none") : json_integer(limit); }
+
+static json_t *quota_json(const bw_quota *q) {
+    return json_pack("{s:s, s:o, s:o, s:o}", "owner", q->owner, "queued", limit_json(q->limits.queued), "running", limit_json(q->limits.running),
+                     "bytes", limit_json(q->limits.bytes));
+}
+
+static json_t *owner_set(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    const char *owner = text_of(request, "owner");
+    bw_quota *quotas, quota;
+    size_t count;
+    if (!bw_is_owner_name(owner)) return failed(error, "this is no name of an owner");
+    if (bw_queue_quotas(s->queue, &quotas, &count) != BW_OK) return failed(error, "the database does not read");
+    find_quota(quotas, count, owner, &quota);
+    free(quotas);
+    if (!read_limit(request, "queued", &quota.limits.queued) || !read_limit(request, "running", &quota.limits.running) ||
+        !read_limit(request, "bytes", &quota.limits.bytes))
+        return failed(error, "a limit is a whole number from 1, none, or standard");
+    if (bw_queue_write(s->queue, bw_write_quota, &quota) != BW_OK) return failed(error, "the database does not take it");
+    if (s->dispatch) bw_dispatch_wake(s->dispatch); /* more of his may run now */
+    bw_event(BW_INFO, "owner.limits", "owner=%s queued=%" PRId64 " running=%" PRId64 " bytes=%" PRId64, owner, quota.limits.queued, quota.limits.running,
+             quota.limits.bytes);
+    return quota_json(&quota);
+}
+
+static json_t *owner_json(const bw_admin_services *s, const bw_quota *quota) {
+    bw_owner has;
+    if (bw_queue_owner(s->queue, quota->owner, &has) != BW_OK) return NULL;
+    json_t *o = quota_json(quota);
+    json_object_set_new(o, "has", json_pack("{s:I, s:I, s:I, s:I}", "waiting", (json_int_t)has.waiting, "running", (json_int_t)has.running, "finished",
+                                            (json_int_t)has.finished, "bytes", (json_int_t)has.bytes));
+    return o;
+}
+
+static json_t *owner_list(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    char(*owners)[BW_OWNER_TEXT] = NULL;
+    bw_quota *quotas = NULL, quota;
+    size_t owner_count = 0, quota_count = 0;
+    bw_status status = bw_queue_owners(s->queue, &owners, &owner_count);
+    (void)request;
+    if (status == BW_OK) status = bw_queue_quotas(s->queue, &quotas, &quota_count);
+    json_t *list = json_array();
+    for (size_t i = 0; status == BW_OK && i < owner_count; i++) {
+        find_quota(quotas, quota_count, owners[i], &quota);
+        if (json_array_append_new(list, owner_json(s, &quota)) != 0) status = BW_E_IO;
+    }
+    free(owners);
+    free(quotas);
+    if (status == BW_OK) return json_pack("{s:o}", "owners", list);
+    json_decref(list);
+    return failed(error, "the database does not read");
+}
+
 const bw_admin_command bw_admin_commands[] = {
     {"token create", token_create},
     {"token list", token_list},
     {"token revoke", token_revoke},
+    {"owner set", owner_set},
+    {"owner list", owner_list},
     {NULL, NULL},
 };

@@ -1,4 +1,4 @@
-/* blockwrightd token ... : reads the words, asks the daemon (admin.h), shows what it says.
+/* blockwrightd token ..., owner ... : reads the words, asks the daemon (admin.h), shows what it says.
  *
  * Exit codes: 0 done, 2 a mistake in the words, 5 it could not be done.
  */
@@ -6,6 +6,7 @@
 
 #include <stdarg.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -176,20 +177,107 @@ static int revoke(const bw_config *config, int argc, char **argv) {
     return DONE;
 }
 
-int bw_command_token(int argc, char **argv) {
-    static const struct {
-        const char *word;
-        int (*run)(const bw_config *config, int argc, char **argv);
-    } verbs[] = {{"create", create}, {"list", list}, {"revoke", revoke}};
+/* ---- owner ---- */
+
+static const char owner_usage[] =
+    "usage: blockwrightd owner set --data DIR NAME [--queued N] [--running N] [--bytes SIZE]\n"
+    "       blockwrightd owner list --data DIR [--json]\n"
+    "\n"
+    "set gives an owner limits of its own: jobs that wait or run, stages that run at the same time, bytes of inputs (1000000, 512M, 2G).\n"
+    "In the place of a number, none means no limit, and standard that of the configuration (owner-jobs, owner-running, owner-bytes).\n"
+    "It works while the daemon runs, and takes effect at once.\n";
+
+/* A limit as the daemon wants it: a number, or a word that it checks. NULL after a message. */
+static json_t *read_limit(const char *name, const char *text, bool sizes) {
+    static const char units[] = "KMGT";
+    char *end;
+    long long n = strtoll(text, &end, 10);
+    const char *unit = sizes && *end && !end[1] ? strchr(units, *end) : NULL;
+    for (long i = unit ? unit - units + 1 : 0; i > 0 && n <= INT64_MAX / 1024; i--) n *= 1024;
+    if (strcmp(text, "none") == 0 || strcmp(text, "standard") == 0) return json_string(text);
+    if (*text >= '0' && *text <= '9' && (!*end || unit) && n > 0 && n < INT64_MAX / 1024) return json_integer(n);
+    complain("--%s '%.80s': %s, none or standard", name, text, sizes ? "a size from 1" : "a number from 1");
+    return NULL;
+}
+
+static int set_owner(const bw_config *config, int argc, char **argv) {
+    static const char *const names[] = {"queued", "running", "bytes"};
+    json_t *request = json_pack("{s:s}", "command", "owner set");
+    bool good = true, any = false;
+    for (int i = 0; good && i < 3; i++) {
+        const char *text = take_option(&argc, argv, names[i], &good);
+        json_t *limit = text ? read_limit(names[i], text, i == 2) : NULL;
+        good = good && !text == !limit;
+        any = any || limit;
+        if (limit) json_object_set_new(request, names[i], limit);
+    }
+    good = good && nothing_else(argc, argv, 1, owner_usage);
+    if (good && !any) complain("say at least one of --queued, --running, --bytes");
+    if (good && any && !bw_is_owner_name(argv[1])) complain("'%.80s' is no name of an owner", argv[1]), good = false;
+    if (!good || !any) {
+        json_decref(request);
+        return USAGE;
+    }
+    json_object_set_new(request, "owner", json_string(argv[1]));
+    json_t *answer = ask(config, request);
+    json_decref(answer);
+    return answer ? DONE : FAILED;
+}
+
+static void print_limit(const json_t *owner, const char *name) {
+    const json_t *value = json_object_get(owner, name);
+    if (json_is_integer(value)) printf("  %14lld", (long long)json_integer_value(value));
+    else printf("  %14s", text_of(owner, name));
+}
+
+static int list_owners(const bw_config *config, int argc, char **argv) {
+    static const char *const counts[] = {"waiting", "running", "finished", "bytes"}, *const limits[] = {"queued", "running", "bytes"};
+    bool raw = take_flag(&argc, argv, "--json");
+    const json_t *owner;
+    size_t i;
+    if (!nothing_else(argc, argv, 0, owner_usage)) return USAGE;
+    json_t *answer = ask(config, json_pack("{s:s}", "command", "owner list"));
+    if (!answer) return FAILED;
+    if (raw) json_dumpf(answer, stdout, JSON_INDENT(1)), putchar('\n');
+    else printf("%-20s  %14s  %14s  %14s  %14s  %14s  %14s  %14s\n", "OWNER", "WAITING", "RUNNING", "FINISHED", "BYTES", "QUEUED<=", "RUNNING<=", "BYTES<=");
+    json_array_foreach(json_object_get(answer, "owners"), i, owner) {
+        if (raw) break;
+        printf("%-20s", *text_of(owner, "owner") ? text_of(owner, "owner") : "(local)");
+        for (int k = 0; k < 4; k++) print_limit(json_object_get(owner, "has"), counts[k]);
+        for (int k = 0; k < 3; k++) print_limit(owner, limits[k]);
+        putchar('\n');
+    }
+    json_decref(answer);
+    return DONE;
+}
+
+/* ---- all of them ---- */
+
+typedef struct {
+    const char *word;
+    int (*run)(const bw_config *config, int argc, char **argv);
+} verb;
+
+static int run_verb(int argc, char **argv, const verb *verbs, const char *usage) {
     static bw_config config;
     if (argc < 2 || strcmp(argv[1], "--help") == 0) {
-        fputs(token_usage, argc < 2 ? stderr : stdout);
+        fputs(usage, argc < 2 ? stderr : stdout);
         return argc < 2 ? USAGE : DONE;
     }
-    for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
-        if (strcmp(argv[1], verbs[i].word) != 0) continue;
-        argc--, argv++;
-        return load(&config, &argc, argv) ? verbs[i].run(&config, argc, argv) : USAGE;
-    }
-    return complain("there is no 'token %.40s'\n%s", argv[1], token_usage);
+    for (; verbs->word; verbs++)
+        if (strcmp(argv[1], verbs->word) == 0) {
+            argc--, argv++;
+            return load(&config, &argc, argv) ? verbs->run(&config, argc, argv) : USAGE;
+        }
+    return complain("there is no '%s %.40s'\n%s", argv[0], argv[1], usage);
+}
+
+int bw_command_token(int argc, char **argv) {
+    static const verb verbs[] = {{"create", create}, {"list", list}, {"revoke", revoke}, {NULL, NULL}};
+    return run_verb(argc, argv, verbs, token_usage);
+}
+
+int bw_command_owner(int argc, char **argv) {
+    static const verb verbs[] = {{"set", set_owner}, {"list", list_owners}, {NULL, NULL}};
+    return run_verb(argc, argv, verbs, owner_usage);
 }

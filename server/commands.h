@@ -4,4 +4,6 @@
 
 int bw_command_token(int argc, char **argv); /* token create, list, revoke */
 
+int bw_command_owner(int argc, char **argv); /* owner set, list */
+
 #endif

@@ -231,23 +231,23 @@ static bw_status serve(int spawner) {
     if (status == BW_OK) what = "recovery", status = put_right(services.store, services.queue);
     if (status == BW_OK) what = "access tokens", status = bw_access_open(services.queue, &services.access);
     if (status == BW_OK) status = check_open(services.access);
-    if (status == BW_OK)
-        what = "DATA/control", status = bw_admin_start(config.data, &(bw_admin_services){services.queue, services.access}, &admin);
     if (status == BW_OK) what = "watch", status = bw_watch_open(&services.watch);
     if (status == BW_OK)
         what = "dispatcher", status = bw_dispatch_start(&config, services.store, services.queue, services.watch, spawner,
                                                         fatal, &services.dispatch);
     if (status == BW_OK)
         what = "health", status = bw_health_start(&config, services.store, services.queue, services.dispatch, &services.health);
+    if (status == BW_OK)
+        what = "DATA/control", status = bw_admin_start(config.data, &(bw_admin_services){services.queue, services.access, services.dispatch}, &admin);
     if (status == BW_OK) what = "listening", status = bw_http_start(&services, &http, address, sizeof address);
     if (status == BW_OK) what = "address file", status = announce(address);
     if (status == BW_OK) what = "serving", status = serve_until_stopped(signals, fatal, services.dispatch);
     if (status != BW_OK) bw_event(BW_ERROR, "daemon.failed", "what=\"%s\" status=%d", what, (int)status);
     bw_http_stop(http);
     bw_health_stop(services.health);
+    bw_admin_stop(admin);
     bw_dispatch_stop(services.dispatch);
     bw_watch_close(services.watch);
-    bw_admin_stop(admin);
     bw_access_close(services.access);
     bw_queue_close(services.queue);
     bw_store_close(services.store);
@@ -302,6 +302,7 @@ static int serve_command(int argc, char **argv) {
 static const command commands[] = {
     {"serve", "the daemon; also what runs without a command", serve_command},
     {"token", "access tokens: token create, token list, token revoke; see token --help", bw_command_token},
+    {"owner", "limits of owners: owner set, owner list; see owner --help", bw_command_owner},
 };
 enum { COMMANDS = sizeof commands / sizeof *commands };
 

@@ -212,16 +212,16 @@ static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, 
 static void kept(bw_request *r) {
     keeping *k = r->state;
     if (r->written != BW_OK) bw_reply_storage(r);
-    else if (!k->row.fits) bw_http_reply_too_large(r);
+    else if (!k->row.fits) bw_http_reply_too_large(r, k->row.in_force.bytes);
     else k->then(r);
 }
 
 bool bw_http_blob_fits(bw_request *r, uint64_t bytes) {
-    uint64_t most = r->services->config->owner_bytes;
+    bw_limits limits = {.bytes = (int64_t)r->services->config->owner_bytes};
+    bw_queue *queue = r->services->queue;
     bw_owner has;
-    if (!most) return true;
-    if (bw_queue_owner(r->services->queue, r->caller.owner, &has) != BW_OK) bw_reply_storage(r);
-    else if (bytes > most || (uint64_t)has.bytes > most - bytes) bw_http_reply_too_large(r);
+    if (bw_queue_limits(queue, r->caller.owner, &limits) != BW_OK || bw_queue_owner(queue, r->caller.owner, &has) != BW_OK) bw_reply_storage(r);
+    else if (limits.bytes && (bytes > (uint64_t)limits.bytes || has.bytes > limits.bytes - (int64_t)bytes)) bw_http_reply_too_large(r, limits.bytes);
     return !r->reply;
 }
 
@@ -234,7 +234,7 @@ void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (
     memcpy(k->owner, r->caller.owner, sizeof k->owner);
     snprintf(k->sha256, sizeof k->sha256, "%s", sha256);
     k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms(),
-                           .most = (int64_t)r->services->config->owner_bytes};
+                           .limits.bytes = (int64_t)r->services->config->owner_bytes};
     k->then = then;
     r->state = k;
     r->state_free = free;

@@ -28,7 +28,7 @@ static bw_change_result outcome(bw_request *r, const char *verb) {
     else if (result == BW_CHANGE_UNKNOWN) bw_http_reply_no_job(r, r->parameters[0]);
     else if (result == BW_CHANGE_TOO_LATE) bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job has already ended; there is nothing to %s", verb);
     else if (result == BW_CHANGE_TOO_EARLY) bw_reply_problem(r, BW_PROBLEM_JOB_NOT_ENDED, "the job has not ended; cancel it, then %s it", verb);
-    else if (result == BW_CHANGE_TOO_MANY) bw_http_reply_too_many(r);
+    else if (result == BW_CHANGE_TOO_MANY) bw_http_reply_too_many(r, ((bw_change *)r->state)->in_force.queued);
     return result;
 }
 

@@ -130,17 +130,16 @@ static void submit_jobs(bw_request *r, void (*then)(bw_request *)) {
     bw_request_write(r, write_submission, then);
 }
 
-void bw_http_reply_too_many(bw_request *r) {
+void bw_http_reply_too_many(bw_request *r, int64_t most) {
     char seconds[12];
-    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_JOBS, "you may have %d jobs that wait or run", (int)r->services->config->owner_jobs);
+    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_JOBS, "you may have %lld jobs that wait or run", (long long)most);
     snprintf(seconds, sizeof seconds, "%d", FULL_SECONDS);
     bw_reply_header(r, "Retry-After", seconds);
 }
 
-void bw_http_reply_too_large(bw_request *r) {
+void bw_http_reply_too_large(bw_request *r, int64_t most) {
     char seconds[12];
-    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_BYTES, "your inputs may have %llu bytes in all",
-                     (unsigned long long)r->services->config->owner_bytes);
+    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_BYTES, "your inputs may have %lld bytes in all", (long long)most);
     snprintf(seconds, sizeof seconds, "%d", LARGE_SECONDS);
     bw_reply_header(r, "Retry-After", seconds);
 }
@@ -158,8 +157,8 @@ static json_t *accepted(bw_request *r) {
     case BW_SUBMIT_CONFLICT:
         bw_reply_problem(r, BW_PROBLEM_KEY_REUSED, "this Idempotency-Key came with another request before");
         return NULL;
-    case BW_SUBMIT_TOO_MANY: bw_http_reply_too_many(r); return NULL;
-    case BW_SUBMIT_TOO_LARGE: bw_http_reply_too_large(r); return NULL;
+    case BW_SUBMIT_TOO_MANY: bw_http_reply_too_many(r, s->in_force.queued); return NULL;
+    case BW_SUBMIT_TOO_LARGE: bw_http_reply_too_large(r, s->in_force.bytes); return NULL;
     }
     json_t *ids = json_array();
     for (size_t i = 0; i < s->count; i++) {

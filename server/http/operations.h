@@ -23,8 +23,8 @@ void bw_http_job_create_begin(bw_request *request);
 void bw_http_job_create(bw_request *request);
 void bw_http_batch_create_begin(bw_request *request);
 void bw_http_batch_create(bw_request *request);
-void bw_http_reply_too_many(bw_request *request); /* 429: jobs that wait or run */
-void bw_http_reply_too_large(bw_request *request); /* 429: bytes of inputs */
+void bw_http_reply_too_many(bw_request *request, int64_t most); /* 429: jobs that wait or run */
+void bw_http_reply_too_large(bw_request *request, int64_t most); /* 429: bytes of inputs */
 
 /* jobs.c */
 void bw_http_job_list(bw_request *request);

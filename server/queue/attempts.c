@@ -166,8 +166,10 @@ bw_status bw_write_restart(bw_writer *w, void *user) {
                 : !has_ended(&s) ? BW_CHANGE_TOO_EARLY
                 : s.state == BW_JOB_SUCCESSFUL ? BW_CHANGE_TOO_LATE : BW_CHANGE_DONE;
     if (status == BW_OK) status = bw_owner_read(&w->sql, s.owner, &has);
+    c->in_force = c->limits;
+    if (status == BW_OK) status = bw_owner_limits(&w->sql, s.owner, &c->in_force);
     if (status != BW_OK || c->result != BW_CHANGE_DONE) return status;
-    if (c->limits.queued && has.waiting + has.running >= c->limits.queued) {
+    if (c->in_force.queued && has.waiting + has.running >= c->in_force.queued) {
         c->result = BW_CHANGE_TOO_MANY;
         return BW_OK;
     }

@@ -8,7 +8,8 @@
 bw_status bw_queue_turn(bw_queue *q, int64_t running_most, bw_turn *turn, bool *found) {
     bw_sql *reader = bw_reader_borrow(q);
     sqlite3_stmt *stmt = reader ? bw_sql_query(reader, "SELECT owner, served FROM owners INDEXED BY owners_turn WHERE waiting > 0"
-                                               " AND (served, owner) > (?, ?) AND running < ? ORDER BY served, owner LIMIT 1", "isi",
+                                               " AND (served, owner) > (?, ?) AND running < coalesce((SELECT nullif(quotas.running, -1) FROM quotas"
+                                               " WHERE quotas.owner = owners.owner), ?) ORDER BY served, owner LIMIT 1", "isi",
                                                turn->served, turn->owner, running_most ? running_most : INT64_MAX) : NULL;
     int step = stmt ? sqlite3_step(stmt) : SQLITE_ERROR;
     *found = step == SQLITE_ROW;

@@ -114,6 +114,19 @@ typedef struct {
     int64_t bytes; /* of the blobs that its jobs name */
 } bw_limits; /* of one owner; 0: none */
 
+/* An owner may have limits of its own, which take the place of those that are given with a write, each for itself. */
+typedef struct {
+    char owner[BW_OWNER_TEXT];
+    bw_limits limits; /* -1: that which is given; no limit is INT64_MAX */
+} bw_quota;
+bw_status bw_write_quota(bw_writer *writer, void *quota); /* a row without any limit of its own is taken away */
+/* All there are, by name; malloc'ed. */
+bw_status bw_queue_quotas(bw_queue *queue, bw_quota **quotas, size_t *count);
+/* *limits: those given; then those in force. */
+bw_status bw_queue_limits(bw_queue *queue, const char *owner, bw_limits *limits);
+/* Names of all owners that have, or had, anything here; malloc'ed. */
+bw_status bw_queue_owners(bw_queue *queue, char (**owners)[BW_OWNER_TEXT], size_t *count);
+
 typedef enum {
     BW_SUBMIT_ACCEPTED,
     BW_SUBMIT_KNOWN,    /* the key was used with this digest: `stored` is the answer given then */
@@ -128,7 +141,7 @@ typedef struct {
     bw_job *jobs;
     size_t count;                      /* at least 1 */
     const char *key, *digest, *answer; /* Idempotency-Key (NULL: none), digest of the request, what to keep for next time */
-    bw_limits limits;
+    bw_limits limits, in_force; /* given; with those of the owner's own */
     bw_submit_result result;
     char *stored; /* owned by the caller */
 } bw_submit;
@@ -217,7 +230,7 @@ typedef enum {
 typedef struct {
     const char *id; /* borrowed */
     int64_t now;
-    bw_limits limits;
+    bw_limits limits, in_force;
     bw_change_result result;
 } bw_change;
 /* For bw_queue_post and bw_queue_write with a bw_change. */
@@ -272,8 +285,8 @@ bw_status bw_queue_job_owner(bw_queue *queue, const char *id, char owner[BW_OWNE
 typedef struct {
     const char *owner, *sha256; /* borrowed */
     int64_t bytes, now;
-    int64_t most; /* bytes the owner may have in all; 0: any */
-    bool fits;    /* else nothing is noted */
+    bw_limits limits, in_force;
+    bool fits; /* else nothing is noted */
 } bw_new_blob;
 bw_status bw_write_blob(bw_writer *writer, void *blob);
 /* Has the owner uploaded it? */

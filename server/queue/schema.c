@@ -86,7 +86,11 @@ static const char *const migrations[] = {
     "CREATE INDEX outputs_by_use ON outputs(used);"
     "CREATE TABLE gone (id TEXT PRIMARY KEY, owner TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;"
     "CREATE INDEX gone_by_age ON gone(at);",
-    "ALTER TABLE jobs ADD COLUMN limits TEXT;"};
+    "ALTER TABLE jobs ADD COLUMN limits TEXT;",
+
+    /* 6: limits of owners of their own. -1: as configured; no limit is the largest number. */
+    "CREATE TABLE quotas (owner TEXT PRIMARY KEY, queued INTEGER NOT NULL, running INTEGER NOT NULL, bytes INTEGER NOT NULL)"
+    " WITHOUT ROWID;"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which indexes and triggers above spell out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&

@@ -17,16 +17,18 @@ static bw_status blob_bytes(bw_writer *w, const bw_submit *s, size_t at, const c
 static bw_status check_limits(bw_writer *w, bw_submit *s) {
     bw_owner has;
     int64_t sum = 0;
+    s->in_force = s->limits;
     bw_status status = bw_owner_read(&w->sql, s->jobs->owner, &has);
-    for (size_t i = 0; status == BW_OK && s->limits.bytes && i < s->count; i++) {
+    if (status == BW_OK) status = bw_owner_limits(&w->sql, s->jobs->owner, &s->in_force);
+    for (size_t i = 0; status == BW_OK && s->in_force.bytes && i < s->count; i++) {
         const bw_job *job = &s->jobs[i];
         status = blob_bytes(w, s, i, job->input, job->input_bytes, &sum);
         if (status == BW_OK && *job->parameters && strcmp(job->parameters, job->input) != 0)
             status = blob_bytes(w, s, i, job->parameters, job->parameters_bytes, &sum);
     }
     if (status != BW_OK) return status;
-    if (s->limits.queued && has.waiting + has.running + (int64_t)s->count > s->limits.queued) s->result = BW_SUBMIT_TOO_MANY;
-    else if (s->limits.bytes && sum && has.bytes + sum > s->limits.bytes) s->result = BW_SUBMIT_TOO_LARGE;
+    if (s->in_force.queued && has.waiting + has.running + (int64_t)s->count > s->in_force.queued) s->result = BW_SUBMIT_TOO_MANY;
+    else if (s->in_force.bytes && sum && has.bytes + sum > s->in_force.bytes) s->result = BW_SUBMIT_TOO_LARGE;
     return BW_OK;
 }
 

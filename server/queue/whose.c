@@ -32,10 +32,12 @@ bw_status bw_write_blob(bw_writer *w, void *user) {
     bw_owner has;
     int64_t added;
     b->fits = true;
+    b->in_force = b->limits;
     bw_status status = bw_owner_blob_bytes(w, b->owner, b->sha256, b->bytes, &added);
-    if (status == BW_OK && b->most) {
+    if (status == BW_OK) status = bw_owner_limits(&w->sql, b->owner, &b->in_force);
+    if (status == BW_OK && b->in_force.bytes) {
         status = bw_owner_read(&w->sql, b->owner, &has);
-        b->fits = added == 0 || has.bytes + added <= b->most;
+        b->fits = added == 0 || has.bytes + added <= b->in_force.bytes;
     }
     if (status != BW_OK || !b->fits) return status;
     return bw_owner_use_blob(w, b->owner, b->sha256, b->bytes, b->now);

@@ -86,4 +86,7 @@ bw_status bw_owner_read(bw_sql *sql, const char *owner, bw_owner *counts);
 bw_status bw_owner_blob_bytes(bw_writer *w, const char *owner, const char *sha256, int64_t bytes, int64_t *added);
 bw_status bw_owner_use_blob(bw_writer *w, const char *owner, const char *sha256, int64_t bytes, int64_t now);
 
+/* quotas.c: *limits, those given, become those in force. */
+bw_status bw_owner_limits(bw_sql *sql, const char *owner, bw_limits *limits);
+
 #endif

@@ -132,6 +132,104 @@ static void pages_of_other_sites_change_nothing(void **state) {
     kit_free(&r);
 }
 
+/* ---- limits of owners ---- */
+
+static void run(const kit_daemon *d, const char *words) {
+    char line[200];
+    assert_int_equal(kit_blockwrightd(d, words, line, sizeof line), 0);
+}
+
+static long put(const kit_daemon *d, const char *secret, const char *content, char hash[BW_SHA256_TEXT]) {
+    char path[120], headers[200];
+    kit_hash(content, strlen(content), hash);
+    snprintf(path, sizeof path, "/v1/blobs/%s", hash);
+    snprintf(headers, sizeof headers, "Authorization: Bearer %s", secret);
+    kit_reply r = kit_request(d, "PUT", path, headers, content, strlen(content));
+    if (r.status == 429) assert_true(atoi(kit_header(&r, "Retry-After")) > 0);
+    kit_free(&r);
+    return r.status;
+}
+
+static long submit(const kit_daemon *d, const char *secret, const char *hash) {
+    char body[120];
+    snprintf(body, sizeof body, "{\"input\": \"%s\"}", hash);
+    kit_reply r = kit_ask(d, secret, "POST", "/v1/jobs", body);
+    kit_free(&r);
+    return r.status;
+}
+
+static size_t count_in(const kit_daemon *d, const char *secret, const char *state) {
+    char path[60];
+    snprintf(path, sizeof path, "/v1/jobs?state=%s", state);
+    kit_reply r = kit_ask(d, secret, "GET", path, NULL);
+    json_t *page = kit_json(&r);
+    size_t count = json_array_size(json_object_get(page, "jobs"));
+    json_decref(page);
+    return count;
+}
+
+static void an_owner_has_limits_of_its_own(void **state) {
+    kit_daemon *d = *state;
+    char hash[BW_SHA256_TEXT], other[BW_SHA256_TEXT];
+    assert_int_equal(kit_stop(d), 0);
+    run(d, "owner set ann --queued 1"); /* also before the daemon and the token */
+    kit_restart(d, (const char *const[]){"--workers", "4", "--owner-jobs", "2", NULL});
+    kit_token ann = kit_new_token(d, "ann", ""), ben = kit_new_token(d, "ben", "");
+    assert_int_equal(put(d, ann.secret, "sanitize sleep 600000\n", hash), 201);
+    assert_int_equal(put(d, ben.secret, "sanitize sleep 600000\n", hash), 201);
+    assert_int_equal(submit(d, ann.secret, hash), 201);
+    assert_int_equal(submit(d, ann.secret, hash), 429);
+    for (int i = 0; i < 2; i++) assert_int_equal(submit(d, ben.secret, hash), 201); /* what the configuration says */
+    assert_int_equal(submit(d, ben.secret, hash), 429);
+    run(d, "owner set ann --queued standard");
+    assert_int_equal(submit(d, ann.secret, hash), 201);
+    assert_int_equal(submit(d, ann.secret, hash), 429);
+    run(d, "owner set ann --queued none --bytes 30");
+    for (int i = 0; i < 3; i++) assert_int_equal(submit(d, ann.secret, hash), 201);
+    assert_int_equal(put(d, ann.secret, "# 9 bytes", other), 429); /* 22 and 9 are more than 30 */
+    assert_int_equal(put(d, ann.secret, "# 8 byte", other), 201);
+    assert_int_equal(put(d, ben.secret, "# 9 bytes", other), 201);
+    kit_kill(d, SIGKILL);
+    kit_restart(d, NULL);
+    assert_int_equal(put(d, ann.secret, "# 9 bytes", other), 429);
+}
+
+static void an_owner_runs_as_much_at_a_time_as_it_may(void **state) {
+    kit_daemon *d = *state;
+    char hash[BW_SHA256_TEXT], content[60];
+    assert_int_equal(kit_stop(d), 0);
+    kit_restart(d, (const char *const[]){"--workers", "4", "--owner-running", "1", NULL});
+    kit_token ann = kit_new_token(d, "ann", ""), ben = kit_new_token(d, "ben", "");
+    run(d, "owner set ann --running 2");
+    for (int i = 0; i < 3; i++) {
+        snprintf(content, sizeof content, "sanitize sleep 60000%d\n", i);
+        assert_int_equal(put(d, ann.secret, content, hash), 201);
+        assert_int_equal(submit(d, ann.secret, hash), 201);
+        snprintf(content, sizeof content, "sanitize sleep 70000%d\n", i);
+        assert_int_equal(put(d, ben.secret, content, hash), 201);
+        assert_int_equal(submit(d, ben.secret, hash), 201);
+    }
+    for (int i = 0; i < 1000 && count_in(d, ann.secret, "running") + count_in(d, ben.secret, "running") < 3; i++) kit_sleep_ms(10);
+    kit_sleep_ms(300); /* there is a fourth worker, and nobody may have it */
+    assert_int_equal(count_in(d, ann.secret, "running"), 2);
+    assert_int_equal(count_in(d, ben.secret, "running"), 1);
+    run(d, "owner set ben --running none"); /* nothing else wakes the dispatcher */
+    for (int i = 0; i < 1000 && count_in(d, ben.secret, "running") < 2; i++) kit_sleep_ms(10);
+    assert_int_equal(count_in(d, ben.secret, "running"), 2);
+}
+
+static void the_words_of_owner_commands_are_checked(void **state) {
+    kit_daemon *d = *state;
+    static const char *const bad[] = {"owner", "owner set", "owner set a", "owner set --queued 1", "owner set a --queued", "owner set a --queued 0",
+                                      "owner set a --queued -1", "owner set a --queued many", "owner set a --queued 1K", "owner set a --bytes 1X",
+                                      "owner set 'a b' --queued 1", "owner set a b --queued 1", "owner list more", "owner unset a"};
+    char line[200];
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        int code = kit_blockwrightd(d, bad[i], line, sizeof line);
+        if (code != 2) fail_msg("%s: %d %s", bad[i], code, line);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(the_first_token_closes_a_running_daemon_for_good, fresh, gone),
@@ -139,6 +237,9 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_token_ends_when_it_says, fresh, gone),
         cmocka_unit_test_setup_teardown(the_words_of_token_commands_are_checked, fresh, gone),
         cmocka_unit_test_setup_teardown(a_daemon_without_tokens_answers_to_its_own_names_only, fresh, gone),
+        cmocka_unit_test_setup_teardown(an_owner_has_limits_of_its_own, fresh, gone),
+        cmocka_unit_test_setup_teardown(an_owner_runs_as_much_at_a_time_as_it_may, fresh, gone),
+        cmocka_unit_test_setup_teardown(the_words_of_owner_commands_are_checked, fresh, gone),
         cmocka_unit_test_setup_teardown(pages_of_other_sites_change_nothing, fresh, gone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
