@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "daemon_kit.h"
+#include "access_kit.h"
 
 #define TUS "Tus-Resumable: 1.0.0\n"
 #define BYTES TUS "Content-Type: application/offset+octet-stream\n"
@@ -404,6 +404,51 @@ static void what_nobody_goes_on_with_expires(void **state) {
     assert_int_not_equal(access(file, F_OK), 0);
 }
 
+/* Neither while nothing happens nor while its owner sends. */
+static void an_upload_of_another_owner_is_as_if_it_were_not_there(void **state) {
+    (void)state;
+    kit_daemon few;
+    char headers[400], path[80], text[600];
+    kit_start(&few, NULL, NULL);
+    kit_token alice = kit_new_token(&few, "alice", "--scopes submit,read"), bob = kit_new_token(&few, "bob", "--scopes submit,read");
+    snprintf(headers, sizeof headers, BYTES "Upload-Length: 6\nAuthorization: Bearer %s", alice.secret);
+    kit_reply r = kit_request(&few, "POST", "/v1/uploads", headers, "ali", 3);
+    assert_int_equal(r.status, 201);
+    snprintf(path, sizeof path, "%s", r.location);
+    kit_free(&r);
+    int n = snprintf(text, sizeof text, "PATCH %s HTTP/1.1\r\nHost: localhost\r\nTus-Resumable: 1.0.0\r\nAuthorization: Bearer %s\r\n"
+                     "Content-Type: application/offset+octet-stream\r\nUpload-Offset: 3\r\nContent-Length: 3\r\n\r\nc", path, alice.secret);
+    for (int round = 0; round < 2; round++) {
+        int fd = round ? kit_connect(&few, text, (size_t)n) : -1;
+        if (round) kit_sleep_ms(200);
+        snprintf(headers, sizeof headers, BYTES "Upload-Offset: 3\nAuthorization: Bearer %s", bob.secret);
+        kit_expect_problem(kit_request(&few, "PATCH", path, headers, "bob", 3), 404, "no-such-upload");
+        kit_expect_problem(kit_request(&few, "DELETE", path, headers, NULL, 0), 404, "no-such-upload");
+        r = kit_request(&few, "HEAD", path, headers, NULL, 0);
+        assert_int_equal(r.status, 404);
+        kit_free(&r);
+        if (fd >= 0) assert_int_equal(send(fd, "e!", 2, MSG_NOSIGNAL), 2);
+        for (int i = 0; fd >= 0 && i < 1000; i++, kit_sleep_ms(10)) {
+            snprintf(headers, sizeof headers, TUS "Authorization: Bearer %s", alice.secret);
+            r = kit_request(&few, "HEAD", path, headers, NULL, 0);
+            bool whole = strcmp(kit_header(&r, "Upload-Offset"), "6") == 0;
+            kit_free(&r);
+            if (whole) break;
+            assert_true(i < 999);
+        }
+        if (fd >= 0) close(fd);
+    }
+    kit_hash("alice!", 6, text);
+    for (int own = 0; own < 2; own++) { /* the blob is alice's only, too */
+        char address[100];
+        snprintf(address, sizeof address, "/v1/blobs/%.64s", text);
+        r = kit_ask(&few, own ? alice.secret : bob.secret, "HEAD", address, NULL);
+        assert_int_equal(r.status, own ? 200 : 404);
+        kit_free(&r);
+    }
+    kit_remove(&few);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_told_what_is_spoken),
@@ -421,6 +466,7 @@ int main(void) {
         cmocka_unit_test(an_upload_that_is_given_up_is_gone_but_not_its_blob),
         cmocka_unit_test(there_is_a_limit_to_their_number),
         cmocka_unit_test(what_nobody_goes_on_with_expires),
+        cmocka_unit_test(an_upload_of_another_owner_is_as_if_it_were_not_there),
     };
     return cmocka_run_group_tests(tests, start, stop);
 }
