@@ -49,6 +49,7 @@ typedef struct {
 
 static bool take(void *user, const char *data, size_t size) {
     buffer *b = user;
+    if (!size) return true;
     if (size > b->piece) b->piece = size;
     if (b->size + size > b->most) return false;
     if (b->size + size > b->room) b->data = realloc(b->data, b->room = 2 * (b->size + size));
