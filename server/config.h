@@ -58,8 +58,9 @@ typedef struct {
     atomic_int stage_cpu_seconds, stage_wall_seconds;
     atomic_int cancel_grace_ms; /* from SIGTERM to SIGKILL for a cancelled stage */
     atomic_int require_sandbox; /* 1: no job is started in less than the whole sandbox */
-    atomic_int owner_jobs, owner_running; /* of one owner: jobs that have not ended; stages at the same time. 0: any number */
+    atomic_int owner_jobs, owner_running, owner_streams; /* of one owner: jobs that have not ended; stages, streams at the same time. 0: any number */
     _Atomic uint64_t owner_bytes;         /* of the blobs that an owner has. 0: any number */
+    atomic_int stream_comment_ms; /* http/stream.h */
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
     atomic_int log_level, log_format, log_requests; /* log.h, http/account.c */
     atomic_int probe_interval_ms;                   /* from here on: health.h */

@@ -27,7 +27,7 @@
 #include "server/worker/session.h"
 #include "server/worker/spawner.h"
 
-enum { RETRY_PAUSE_MS = 100, PAGE = 8, SCRATCH_MS = 250, TRIAL_MS = 20000, WAITERS_MOST = 256 };
+enum { RETRY_PAUSE_MS = 100, MURMUR_MS = 250, PAGE = 8, SCRATCH_MS = 250, TRIAL_MS = 20000, WAITERS_MOST = 256 };
 
 _Static_assert(RETRY_PAUSE_MS << BW_TRIES_MOST <= (int)BW_PAUSE_MOST_MS, "a clock that goes back is told from a long pause");
 
@@ -44,6 +44,8 @@ typedef struct {
     int folder;         /* of the attempt; -1: closed */
     bw_session session; /* its progress and note under lock */
     bool asked;         /* it was sent SIGUSR1 */
+    size_t told;        /* what it had said when watchers were last told, at most every MURMUR_MS */
+    int64_t tell_at;
     int64_t started, deadline, kill_at, look_at; /* monotonic; kill_at 0: no SIGKILL pending; look_at: next look at the folder's size */
     stop_reason reason;
 } slot;
@@ -236,6 +238,8 @@ static bw_status occupy(bw_dispatch *d, slot *s, bw_job *job, const char *key, c
     s->look_at = s->started + SCRATCH_MS;
     s->kill_at = 0;
     s->asked = false;
+    s->told = 0;
+    s->tell_at = 0;
     s->reason = KEEP;
     s->folder = -1;
     bw_admission_take(&d->admission, need);
@@ -407,8 +411,8 @@ static void tell_end(bw_dispatch *d, const slot *s, const char *outcome, bool bo
 /* Books the end of a cancelled attempt. The caller frees the slot. */
 static bw_status dismiss(bw_dispatch *d, slot *s) {
     bool done;
+    log_text(s, "cancelled"); /* before the job has ended: who follows its log then has all of it */
     bw_status status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
-    log_text(s, "cancelled");
     tell_end(d, s, "cancelled", done);
     return status;
 }
@@ -586,6 +590,14 @@ static void watch_scratch(bw_dispatch *d, slot *s, int64_t now) {
     if (bw_scratch_bytes(s->folder, s->limits.scratch) > s->limits.scratch) stop_worker(d, s, STOP_SCRATCH, SIGKILL);
 }
 
+/* Tells those who follow the job that its worker has said something. A slot is looked at every SCRATCH_MS at least, so the last of it is told, too. */
+static void tell_listeners(bw_dispatch *d, slot *s, int64_t now) {
+    if (s->session.said == s->told || now < s->tell_at) return;
+    s->told = s->session.said;
+    s->tell_at = now + MURMUR_MS;
+    bw_watch_murmur(d->watch, s->job.id);
+}
+
 /* Cancels, finishes, limits and the end of the daemon. */
 static bw_status watch_running(bw_dispatch *d, bool woken) {
     int64_t now = bw_mono_ms();
@@ -605,6 +617,7 @@ static bw_status watch_running(bw_dispatch *d, bool woken) {
             bw_job_clear(&job);
         }
         watch_scratch(d, s, now);
+        tell_listeners(d, s, now);
         if (s->kill_at && now >= s->kill_at) {
             s->kill_at = 0;
             bw_spawner_kill(d->spawner, s->token, SIGKILL);

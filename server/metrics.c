@@ -90,6 +90,7 @@ static const row rows[] = {
     [BW_METRIC_REPLY_BYTES] = {"blockwright_http_reply_bytes_total", "Content of answers.", BW_COUNTER, ONE, {0}, 0},
     [BW_METRIC_REQUESTS_ACTIVE] = {"blockwright_http_requests_active", "Requests under way.", BW_GAUGE, ONE, {0}, 0},
     [BW_METRIC_CONNECTIONS] = {"blockwright_http_connections", "Open connections.", BW_GAUGE, ONE, {0}, 0},
+    [BW_METRIC_STREAMS] = {"blockwright_http_streams", "Open streams of events and logs.", BW_GAUGE, ONE, {0}, 0},
     [BW_METRIC_FSYNC_SECONDS] = {"blockwright_fsync_seconds", "Files and folders synced, but for those of the database.", BW_HISTOGRAM, US, {0},
                                  fsync_bounds},
     [BW_METRIC_COMMIT_SECONDS] = {"blockwright_commit_seconds", "Commits of the database, each for all that waited.", BW_HISTOGRAM, US, {0},

@@ -36,6 +36,7 @@ typedef enum {
     BW_METRIC_REPLY_BYTES,
     BW_METRIC_REQUESTS_ACTIVE,
     BW_METRIC_CONNECTIONS,
+    BW_METRIC_STREAMS,
     BW_METRIC_FSYNC_SECONDS,    /* in us */
     BW_METRIC_COMMIT_SECONDS,   /* in us */
     BW_METRIC_WRITES_WAITING,   /* for the next commit */

@@ -94,7 +94,7 @@ void bw_watch_close(bw_watch *w) {
     free(w);
 }
 
-void bw_watch_add(bw_watch *w, bw_watcher *one, const char *job, int64_t deadline, bw_watch_fn fn, void *user) {
+static void add(bw_watch *w, bw_watcher *one, const char *job, int64_t deadline, bw_watch_fn fn, void *user) {
     snprintf(one->job, sizeof one->job, "%s", job);
     one->deadline = deadline;
     one->fn = fn;
@@ -111,6 +111,16 @@ void bw_watch_add(bw_watch *w, bw_watcher *one, const char *job, int64_t deadlin
     pthread_mutex_unlock(&w->lock);
 }
 
+void bw_watch_add(bw_watch *w, bw_watcher *one, const char *job, int64_t deadline, bw_watch_fn fn, void *user) {
+    one->listens = false;
+    add(w, one, job, deadline, fn, user);
+}
+
+void bw_watch_listen(bw_watch *w, bw_watcher *one, const char *job, int64_t deadline, bw_watch_fn fn, void *user) {
+    one->listens = true;
+    add(w, one, job, deadline, fn, user);
+}
+
 bool bw_watch_remove(bw_watch *w, bw_watcher *one) {
     pthread_mutex_lock(&w->lock);
     bool there = one->added;
@@ -119,17 +129,30 @@ bool bw_watch_remove(bw_watch *w, bw_watcher *one) {
     return there;
 }
 
-static void tell_bucket(bw_watch *w, const char *topic) {
+static void tell_bucket(bw_watch *w, const char *topic, bool all) {
     struct watchers *bucket = bucket_of(w, topic);
     for (bw_watcher *one = TAILQ_FIRST(bucket), *next; one; one = next) {
         next = TAILQ_NEXT(one, same);
-        if (strcmp(one->job, topic) == 0) tell(w, one, BW_WATCH_NEWS);
+        if ((all || one->listens) && strcmp(one->job, topic) == 0) tell(w, one, BW_WATCH_NEWS);
     }
 }
 
 void bw_watch_notify(bw_watch *w, const char *job) {
     pthread_mutex_lock(&w->lock);
-    tell_bucket(w, job);
-    if (*job) tell_bucket(w, "");
+    tell_bucket(w, job, true);
+    if (*job) tell_bucket(w, "", true);
     pthread_mutex_unlock(&w->lock);
+}
+
+void bw_watch_murmur(bw_watch *w, const char *job) {
+    pthread_mutex_lock(&w->lock);
+    tell_bucket(w, job, false);
+    pthread_mutex_unlock(&w->lock);
+}
+
+bool bw_watch_stopped(bw_watch *w) {
+    pthread_mutex_lock(&w->lock);
+    bool stopped = w->stopping;
+    pthread_mutex_unlock(&w->lock);
+    return stopped;
 }

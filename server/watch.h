@@ -32,7 +32,7 @@ typedef struct bw_watcher { /* private to watch.c */
     int64_t deadline;
     bw_watch_fn fn;
     void *user;
-    bool added;
+    bool added, listens;
     TAILQ_ENTRY(bw_watcher) same;  /* of the same hash of the job's id */
     TAILQ_ENTRY(bw_watcher) order; /* by deadline */
 } bw_watcher;
@@ -44,7 +44,12 @@ void bw_watch_stop(bw_watch *watch);
 
 /* `job`: its id, or "" for news of any job. `deadline` is of bw_mono_ms(). Time O(1) if deadlines come in order, at most O(watchers). */
 void bw_watch_add(bw_watch *watch, bw_watcher *watcher, const char *job, int64_t deadline, bw_watch_fn fn, void *user);
+/* The same, and hears also of progress and of the log (bw_watch_murmur). */
+void bw_watch_listen(bw_watch *watch, bw_watcher *watcher, const char *job, int64_t deadline, bw_watch_fn fn, void *user);
 bool bw_watch_remove(bw_watch *watch, bw_watcher *watcher); /* true: it will not be told any more; false: it has been */
 void bw_watch_notify(bw_watch *watch, const char *job);     /* something about the job has changed, and a read sees it */
+/* A worker of the job has said something: no change of the job, and nothing that is kept in the queue. */
+void bw_watch_murmur(bw_watch *watch, const char *job);
+bool bw_watch_stopped(bw_watch *watch);
 
 #endif

@@ -27,6 +27,8 @@ step job_create.sh
 step batch_create.sh
 step job_list.sh
 step job_wait.sh
+step job_events.sh
+step event_list.sh
 step job_log.sh
 step result_list.sh
 step result_get.sh

@@ -137,7 +137,7 @@ static bool refill(coded *s) {
         s->at = s->content.data;
         s->left = (size_t)rest;
     } else {
-        ssize_t n = pread(s->content.fd, s->in, rest < CHUNK ? (size_t)rest : CHUNK, (off_t)s->taken);
+        ssize_t n = pread(s->content.fd, s->in, rest < CHUNK ? (size_t)rest : CHUNK, (off_t)(s->content.offset + s->taken));
         if (n <= 0) return false;
         s->at = s->in;
         s->left = (size_t)n;
@@ -187,7 +187,7 @@ static struct MHD_Response *make_coded(bw_request *r, const bw_content *c, bw_co
 static struct MHD_Response *make_plain(const bw_content *c, uint64_t first, uint64_t size) {
     struct MHD_Response *response;
     if (c->fd >= 0) {
-        response = MHD_create_response_from_fd_at_offset64(size, c->fd, first);
+        response = MHD_create_response_from_fd_at_offset64(size, c->fd, c->offset + first);
         if (!response) close(c->fd);
         return response;
     }

@@ -15,6 +15,7 @@ typedef struct {
     int fd;               /* of a file, taken by the reply; -1: the content is at `data` */
     const char *data;     /* static, or malloc'ed and taken by the reply if `owned` */
     bool owned;
+    uint64_t offset;      /* in the file, where the content begins */
     uint64_t bytes;
     const char *media_type;
     const char *sha256;   /* of the content, for ETag and Repr-Digest; NULL: not known, or the content is not to be kept */

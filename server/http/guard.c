@@ -164,6 +164,8 @@ void bw_guard_answer(bw_guarded *c, uint64_t bytes) {
     c->deadline = in_ms(c, bytes);
 }
 
+bool bw_guard_has_gone(const bw_guarded *c) { return c && has_gone(c->fd); }
+
 void bw_guard_next(bw_guarded *c) {
     if (!c) return;
     c->sends = false;

@@ -38,6 +38,7 @@ bw_guarded *bw_guard_find(struct MHD_Connection *connection);
 void bw_guard_body(bw_guarded *connection, uint64_t bytes);   /* it is to send so many */
 void bw_guard_work(bw_guarded *connection);
 void bw_guard_answer(bw_guarded *connection, uint64_t bytes); /* it is to take so many */
+bool bw_guard_has_gone(const bw_guarded *connection); /* nothing more will come from the client, nor is anything of it left to be read */
 void bw_guard_next(bw_guarded *connection);                   /* it may send another request */
 
 #endif

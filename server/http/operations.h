@@ -44,8 +44,14 @@ void bw_http_job_finish(bw_request *request);
 void bw_http_job_retry(bw_request *request);
 void bw_http_job_delete(bw_request *request);
 
-/* results.c */
+/* events.c */
+void bw_http_job_events(bw_request *request);
+void bw_http_event_list(bw_request *request);
+
+/* job_log.c */
 void bw_http_job_log(bw_request *request);
+
+/* results.c */
 void bw_http_job_report(bw_request *request);
 void bw_http_result_list(bw_request *request);
 void bw_http_result_get(bw_request *request);

@@ -43,6 +43,7 @@ typedef struct {
     bool closed;                /* the library is being stopped: no such function is called any more */
     bw_pool *pool;         /* for what would hold up an HTTP thread */
     bw_partials *partials; /* uploads that can be resumed */
+    struct bw_streams *streams; /* stream.h */
 } bw_traffic;
 
 typedef struct bw_request {

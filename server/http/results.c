@@ -6,17 +6,6 @@
 #include "server/http/content.h"
 #include "server/http/reply.h"
 
-void bw_http_job_log(bw_request *r) {
-    static const char text_plain[] = "text/plain; charset=utf-8";
-    uint64_t bytes;
-    bw_job job;
-    if (!bw_http_load_job(r, &job)) return;
-    int fd = bw_store_open_log(r->services->store, job.id, &bytes);
-    if (fd >= 0) bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = text_plain});
-    else bw_reply_text(r, text_plain, "", 0);
-    bw_job_clear(&job);
-}
-
 /* The manifest of a successful job: a new array, empty when the job stopped before encode. NULL after a reply. */
 static json_t *load_manifest(bw_request *r, bw_job *job) {
     bool found = false;

@@ -33,3 +33,57 @@ bw_status bw_event_functions(bw_sql *sql) {
         return bw_sql_error(sql, "function");
     return BW_OK;
 }
+
+/* ---- reading ---- */
+
+static sqlite3_stmt *select_events(bw_sql *sql, const bw_journal *w) {
+    if (w->job)
+        return bw_sql_query(sql, "SELECT seq, job, kind, data, at FROM events WHERE job = ? AND seq > ? ORDER BY seq LIMIT ?", "sii", w->job,
+                            w->after, (int64_t)w->limit);
+    if (w->owner)
+        return bw_sql_query(sql, "SELECT seq, job, kind, data, at, (SELECT owner FROM jobs WHERE id = job) FROM events WHERE seq > ?"
+                            " ORDER BY seq LIMIT ?", "ii", w->after, (int64_t)w->limit);
+    return bw_sql_query(sql, "SELECT seq, job, kind, data, at FROM events WHERE seq > ? ORDER BY seq LIMIT ?", "ii", w->after, (int64_t)w->limit);
+}
+
+static const char *column(sqlite3_stmt *stmt, int i) {
+    const char *text = (const char *)sqlite3_column_text(stmt, i);
+    return text ? text : "";
+}
+
+bw_status bw_queue_journal(bw_queue *q, bw_journal *w, bw_journal_fn fn, void *user) {
+    int step = SQLITE_ERROR;
+    bw_sql *reader = bw_reader_borrow(q);
+    sqlite3_stmt *stmt = reader ? select_events(reader, w) : NULL;
+    w->last = w->after;
+    w->looked = 0;
+    while (stmt && (step = sqlite3_step(stmt)) == SQLITE_ROW) {
+        w->last = sqlite3_column_int64(stmt, 0);
+        w->looked++;
+        if (w->job || !w->owner || strcmp(column(stmt, 5), w->owner) == 0)
+            fn(user, w->last, column(stmt, 1), column(stmt, 2), column(stmt, 3), sqlite3_column_int64(stmt, 4));
+    }
+    bw_status status = step == SQLITE_DONE ? BW_OK : stmt ? bw_sql_error(reader, "journal") : BW_E_IO;
+    bw_sql_done(stmt);
+    bw_reader_return(q, reader);
+    return status;
+}
+
+static bw_status read_number(bw_queue *q, int64_t *value, int64_t otherwise, const char *text, const char *id) {
+    bw_sql *reader = bw_reader_borrow(q);
+    bw_status status = !reader ? BW_E_IO : id ? bw_sql_number(reader, value, otherwise, text, "s", id) : bw_sql_number(reader, value, otherwise, text, "");
+    bw_reader_return(q, reader);
+    return status;
+}
+
+bw_status bw_queue_journal_end(bw_queue *q, int64_t *seq) {
+    return read_number(q, seq, 0, "SELECT seq FROM events ORDER BY seq DESC LIMIT 1", NULL);
+}
+
+bw_status bw_queue_state(bw_queue *q, const char *id, bw_job_state *state, bool *known) {
+    int64_t value = -1;
+    bw_status status = read_number(q, &value, -1, "SELECT state FROM jobs WHERE id = ?", id);
+    *known = status == BW_OK && value >= 0;
+    *state = *known ? (bw_job_state)value : BW_JOB_QUEUED;
+    return status;
+}

@@ -175,6 +175,25 @@ typedef struct {
 bw_status bw_queue_load(bw_queue *queue, bw_load *load); /* O(owners) */
 bw_status bw_queue_owner(bw_queue *queue, const char *owner, bw_owner *counts); /* zeros if it has nothing */
 
+/* ---- the journal ---- */
+
+/* Which events: those numbered above `after`, of one job, of one owner's jobs, or (both NULL) all. At most `limit` are looked at, so of an
+ * owner's there may be fewer. What was deleted with its job is not there any more. */
+typedef struct {
+    const char *job, *owner; /* borrowed */
+    int64_t after;
+    int limit;
+    int64_t last; /* result: number of the last one looked at; `after` if there was none */
+    int looked;   /* how many */
+} bw_journal;
+/* `kind` is queued, started, reused, done, retrying, interrupted, cancelling, finishing, restarted or a final state; `data` a JSON object
+ * with state, stage (the next, or the last), stages_done, stage_count, attempt and perhaps outcome. Must not use the queue. */
+typedef void (*bw_journal_fn)(void *user, int64_t seq, const char *job, const char *kind, const char *data, int64_t at);
+bw_status bw_queue_journal(bw_queue *queue, bw_journal *which, bw_journal_fn fn, void *user);
+bw_status bw_queue_journal_end(bw_queue *queue, int64_t *seq); /* number of the newest event; 0: none */
+/* The state of a job; *known is false when there is none (any more). Ask before the journal: what has ended then is in it. */
+bw_status bw_queue_state(bw_queue *queue, const char *id, bw_job_state *state, bool *known);
+
 /* ---- whose turn it is ---- */
 
 /* Order: owners by their last turn, oldest first; of one owner's jobs those that have started, then by priority, then by age.
