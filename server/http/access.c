@@ -180,6 +180,12 @@ bool bw_http_check_access(bw_request *r) {
     return check_token(r) && (!bw_endpoints[r->op].of_job || check_job(r));
 }
 
+bool bw_http_check_again(bw_request *r) {
+    if (bw_access_holds(r->services->access, &r->caller, bw_now_ms())) return true;
+    reply_unauthorized(r, "revoked", "the access token is not valid any more");
+    return false;
+}
+
 bool bw_http_owner_wanted(bw_request *r, const char **owner) {
     *owner = bw_request_query(r, "owner");
     if (sees_all(r)) return true;

@@ -14,6 +14,8 @@
 
 /* Sets the request's caller; false after a reply. */
 bool bw_http_check_access(bw_request *request);
+/* After a wait: does the caller's token still hold? False after a reply. */
+bool bw_http_check_again(bw_request *request);
 enum { BW_CLIENT_TEXT = 46 };
 /* The address of who asks: of the connection's other end, or if that is a proxy of `behind-proxy` what it says in X-Forwarded-For, as far back
  * as proxies are known. "-" if it cannot be said. */

@@ -170,6 +170,7 @@ static void send_job(bw_request *r, const job_answer *a, const bw_job *job) {
 static void answer(bw_request *r) {
     job_answer *a = r->state;
     bw_job job;
+    if (a->status == 200 && r->resume == answer && !bw_http_check_again(r)) return;
     if (!load_job(r, a->id, &job)) return;
     if (has_ended(&job) || bw_mono_ms() >= a->until) {
         send_job(r, a, &job);

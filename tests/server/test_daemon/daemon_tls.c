@@ -1,6 +1,8 @@
 /* TLS, and listening on other addresses than loopback. Certificates are made here, by the program openssl. */
+#include <arpa/inet.h>
 #include <curl/curl.h>
 #include <fcntl.h>
+#include <ifaddrs.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/prctl.h>
@@ -238,6 +240,43 @@ static void other_addresses_than_loopback_want_tokens_and_tls_or_a_proxy(void **
 
 /* ---- behind a proxy ---- */
 
+/* An IPv4 address of this machine that is not loopback; false if it has none. */
+static bool own_address(char text[INET_ADDRSTRLEN]) {
+    struct ifaddrs *all, *each;
+    bool found = false;
+    if (getifaddrs(&all) != 0) return false;
+    for (each = all; each && !found; each = each->ifa_next) {
+        if (!each->ifa_addr || each->ifa_addr->sa_family != AF_INET) continue;
+        const struct in_addr *in = &((const struct sockaddr_in *)(const void *)each->ifa_addr)->sin_addr;
+        found = ntohl(in->s_addr) >> 24 != 127 && inet_ntop(AF_INET, in, text, INET_ADDRSTRLEN);
+    }
+    freeifaddrs(all);
+    return found;
+}
+
+static void without_tls_only_proxies_and_loopback_may_connect(void **state) {
+    char address[INET_ADDRSTRLEN], outside[60], inside[60];
+    (void)state;
+    if (!own_address(address)) {
+        print_message("             this machine has no address but loopback: not tested\n");
+        skip();
+    }
+    for (int trusted = 0; trusted < 2; trusted++) {
+        kit_start(&d, NULL, NULL);
+        kit_new_token(&d, "a", "");
+        assert_int_equal(kit_stop(&d), 0);
+        kit_restart(&d, (const char *const[]){"--listen", "0.0.0.0:0", "--behind-proxy", trusted ? address : "192.0.2.1", NULL});
+        snprintf(outside, sizeof outside, "%s%s", address, strchr(d.address, ':'));
+        snprintf(inside, sizeof inside, "127.0.0.1%s", strchr(d.address, ':'));
+        assert_int_equal(get("http", inside, "/v1/jobs", NULL, CURL_SSLVERSION_DEFAULT, NULL), 401);
+        long status = get("http", outside, "/v1/jobs", NULL, CURL_SSLVERSION_DEFAULT, NULL);
+        if (trusted) assert_int_equal(status, 401);
+        else assert_true(status < 0);
+        kit_remove(&d);
+    }
+}
+
+
 static void forwarded_addresses_are_believed_from_proxies_only(void **state) {
     static const struct {
         const char *proxies, *forwarded, *client;
@@ -268,6 +307,7 @@ int main(void) {
         cmocka_unit_test(both_clients_show_their_token_over_https),
         cmocka_unit_test(a_bad_pair_of_certificate_and_key_is_refused),
         cmocka_unit_test(other_addresses_than_loopback_want_tokens_and_tls_or_a_proxy),
+        cmocka_unit_test(without_tls_only_proxies_and_loopback_may_connect),
         cmocka_unit_test(forwarded_addresses_are_believed_from_proxies_only),
     };
     return cmocka_run_group_tests(tests, begin, end);

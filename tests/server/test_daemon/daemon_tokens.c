@@ -1,4 +1,5 @@
 /* The life of tokens, and a daemon without any. */
+#include <pthread.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/stat.h>
@@ -62,6 +63,49 @@ static void tokens_are_made_and_revoked_without_the_daemon_too(void **state) {
     kit_restart(d, NULL);
     assert_int_equal(status_of(d, a.secret), 401);
     assert_int_equal(status_of(d, c.secret), 200);
+}
+
+typedef struct {
+    const kit_daemon *daemon;
+    char path[60], headers[240];
+    kit_reply reply;
+    bool answered;
+} waiting_request;
+
+static void *wait_for_job(void *user) {
+    waiting_request *w = user;
+    w->answered = kit_try(w->daemon, "GET", w->path, w->headers, NULL, 0, &w->reply);
+    return NULL;
+}
+
+static void who_waits_with_a_token_that_is_revoked_learns_nothing(void **state) {
+    kit_daemon *d = *state;
+    kit_token user = kit_new_token(d, "user", ""), again = kit_new_token(d, "user", "");
+    char hash[BW_SHA256_TEXT], path[120], body[120], headers[200], cancel[80];
+    static const char script[] = "sanitize sleep 600000\n";
+    pthread_t thread;
+    kit_hash(script, strlen(script), hash);
+    snprintf(path, sizeof path, "/v1/blobs/%s", hash);
+    snprintf(headers, sizeof headers, "Authorization: Bearer %s", user.secret);
+    kit_reply r = kit_request(d, "PUT", path, headers, script, strlen(script));
+    kit_free(&r);
+    snprintf(body, sizeof body, "{\"input\": \"%s\"}", hash);
+    r = kit_ask(d, user.secret, "POST", "/v1/jobs", body);
+    assert_int_equal(r.status, 201);
+    json_t *job = kit_json(&r);
+    waiting_request w = {.daemon = d};
+    snprintf(w.path, sizeof w.path, "/v1/jobs/%s", kit_text(job, "id"));
+    snprintf(w.headers, sizeof w.headers, "%s\nPrefer: wait=50", headers);
+    snprintf(cancel, sizeof cancel, "/v1/jobs/%s/cancel", kit_text(job, "id"));
+    json_decref(job);
+    assert_int_equal(pthread_create(&thread, NULL, wait_for_job, &w), 0);
+    kit_sleep_ms(300); /* it waits */
+    assert_int_equal(kit_revoke(d, user.id), 0);
+    r = kit_ask(d, again.secret, "POST", cancel, NULL);
+    kit_free(&r);
+    pthread_join(thread, NULL);
+    assert_true(w.answered);
+    kit_expect_problem(w.reply, 401, "unauthorized");
 }
 
 static void a_token_ends_when_it_says(void **state) {
@@ -234,6 +278,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(the_first_token_closes_a_running_daemon_for_good, fresh, gone),
         cmocka_unit_test_setup_teardown(tokens_are_made_and_revoked_without_the_daemon_too, fresh, gone),
+        cmocka_unit_test_setup_teardown(who_waits_with_a_token_that_is_revoked_learns_nothing, fresh, gone),
         cmocka_unit_test_setup_teardown(a_token_ends_when_it_says, fresh, gone),
         cmocka_unit_test_setup_teardown(the_words_of_token_commands_are_checked, fresh, gone),
         cmocka_unit_test_setup_teardown(a_daemon_without_tokens_answers_to_its_own_names_only, fresh, gone),
