@@ -27,6 +27,8 @@ typedef struct {
     cli_reply *reply;
     FILE *file; /* for the body of a 200; NULL: everything goes to reply */
     int64_t room;
+    bool (*take)(void *user, const char *bytes, size_t size); /* likewise */
+    void *user;
 } sink;
 
 static void read_token_file(const char *path, char token[200]) {
@@ -111,6 +113,7 @@ static size_t on_body(char *data, size_t one, size_t size, void *user) {
     long status = 0;
     (void)one;
     curl_easy_getinfo(s->http->curl, CURLINFO_RESPONSE_CODE, &status);
+    if (s->take && status == 200) return s->take(s->user, data, size) ? size : 0;
     if (!s->file || status != 200) return to_memory(s, data, size);
     if ((int64_t)size > s->room) return 0;
     s->room -= (int64_t)size;
@@ -179,12 +182,7 @@ void cli_http_header(cli_http *http, const char *name, const char *value) {
     if (headers) http->headers = headers;
 }
 
-bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply) {
-    sink s = {http, reply, NULL, 0};
-    memset(reply, 0, sizeof *reply);
-    prepare(http, method, path, &s);
-    if (json) cli_http_header(http, "Content-Type", "application/json");
-    if (json || !strcmp(method, "POST")) curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
+static bool send_headers(cli_http *http, cli_reply *reply) {
     curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, http->headers);
     bool good = perform(http, reply);
     curl_slist_free_all(http->headers);
@@ -192,9 +190,26 @@ bool cli_http_call(cli_http *http, const char *method, const char *path, const c
     return good;
 }
 
+bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply) {
+    sink s = {.http = http, .reply = reply};
+    memset(reply, 0, sizeof *reply);
+    prepare(http, method, path, &s);
+    if (json) cli_http_header(http, "Content-Type", "application/json");
+    if (json || !strcmp(method, "POST")) curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
+    return send_headers(http, reply);
+}
+
+bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, const char *bytes, size_t size), void *user,
+                     cli_reply *reply) {
+    sink s = {.http = http, .reply = reply, .take = take, .user = user};
+    memset(reply, 0, sizeof *reply);
+    prepare(http, "GET", path, &s);
+    return send_headers(http, reply);
+}
+
 bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size, cli_progress *progress,
                      cli_reply *reply) {
-    sink s = {http, reply, NULL, 0};
+    sink s = {.http = http, .reply = reply};
     memset(reply, 0, sizeof *reply);
     prepare(http, "PUT", path, &s);
     struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/octet-stream");
@@ -213,7 +228,7 @@ bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size,
 }
 
 bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply) {
-    sink s = {http, reply, file, limit};
+    sink s = {.http = http, .reply = reply, .file = file, .room = limit};
     memset(reply, 0, sizeof *reply);
     prepare(http, "GET", path, &s);
     return perform(http, reply);

@@ -46,6 +46,9 @@ bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size,
                      cli_reply *reply);
 /* GETs into `file`, at most `limit` bytes; an answer other than 200 goes to reply->body instead. */
 bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply);
+/* GETs, giving the body of a 200 to `take` as it comes, for as long as it goes on; `take` returns false to break it off. */
+bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, const char *bytes, size_t size), void *user,
+                     cli_reply *reply);
 void cli_reply_clear(cli_reply *reply);
 
 /* Sends a request and parses the answer, which must have a 2xx status and be JSON. NULL otherwise: the reason

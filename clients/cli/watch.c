@@ -5,6 +5,7 @@
 
 #include "failure.h"
 #include "remote.h"
+#include "stream.h"
 
 static const double patience_seconds = 30; /* how long a daemon that did answer before is waited for */
 
@@ -48,20 +49,48 @@ static bool ended(const json_t *job) {
     return strcmp(state, "queued") != 0 && strcmp(state, "running") != 0;
 }
 
+typedef struct {
+    cli_progress progress;
+    char note[204];    /* as shown last */
+    json_int_t attempt; /* what happened in earlier ones is of the past */
+} view;
+
 /* The best that a search has found so far is a line of its own, when it has changed. */
-static void show_note(cli_progress *progress, const json_t *job, char *shown, size_t size) {
+static void show_note(view *v, const json_t *from) {
     char now[204];
-    cli_safe(now, sizeof now, cli_text_of(job, "note"));
-    if (progress->quiet || !*now || !strcmp(now, shown)) return;
-    cli_progress_clear(progress);
+    cli_safe(now, sizeof now, cli_text_of(from, "note"));
+    if (v->progress.quiet || !*now || !strcmp(now, v->note)) return;
+    cli_progress_clear(&v->progress);
     fprintf(stderr, "  %s so far\n", now);
-    snprintf(shown, size, "%s", now);
+    memcpy(v->note, now, sizeof now);
 }
 
-static void show(cli_progress *progress, const json_t *job) {
+static void show(view *v, const json_t *job) {
+    const json_t *attempts = json_object_get(job, "attempts");
     bool running = !strcmp(cli_text_of(job, "state"), "running");
-    cli_progress_show(progress, running ? cli_text_of(job, "stage") : "queued",
+    v->attempt = json_integer_value(json_object_get(json_array_get(attempts, json_array_size(attempts) - 1), "attempt"));
+    show_note(v, job);
+    cli_progress_show(&v->progress, running ? cli_text_of(job, "stage") : "queued",
                       json_number_value(json_object_get(job, "progress")));
+}
+
+/* A change of the job's state or stage. */
+static void show_change(view *v, const json_t *data) {
+    double count = json_number_value(json_object_get(data, "stage_count"));
+    bool running = !strcmp(cli_text_of(data, "state"), "running");
+    if (json_integer_value(json_object_get(data, "attempt")) < v->attempt || count < 1) return;
+    cli_progress_show(&v->progress, running ? cli_text_of(data, "stage") : "queued",
+                      json_number_value(json_object_get(data, "stages_done")) / count);
+}
+
+static void on_event(void *user, const char *event, const char *text, size_t size) {
+    view *v = user;
+    json_t *data = json_loadb(text, size, 0, NULL);
+    if (!strcmp(event, "progress"))
+        cli_progress_show(&v->progress, cli_text_of(data, "stage"), json_number_value(json_object_get(data, "progress")));
+    else if (!strcmp(event, "note")) show_note(v, data);
+    else if (!strcmp(event, "stage") || (!strcmp(event, "state") && strcmp(cli_text_of(data, "change"), "successful") != 0)) show_change(v, data);
+    json_decref(data);
 }
 
 static int exit_of_job(const char *id, const json_t *job) {
@@ -83,21 +112,24 @@ static int exit_of_job(const char *id, const json_t *job) {
 }
 
 int cli_watch(cli_http *http, const char *id, bool quiet) {
-    double wait = 0.05;
-    char note[204] = "";
+    char path[128];
     int exit_code = CLI_INTERNAL;
-    cli_progress progress;
-    cli_progress_open(&progress, quiet);
+    view v = {0};
+    cli_events events = {.fn = on_event, .user = &v};
+    snprintf(path, sizeof path, "/v1/jobs/%s/events", id);
+    cli_progress_open(&v.progress, quiet);
     json_t *job = ask(http, id, 0, &exit_code);
-    while (job && !ended(job)) {
-        show_note(&progress, job, note, sizeof note);
-        show(&progress, job);
+    for (bool first = true; job && !ended(job); first = false) {
+        cli_reply reply;
+        show(&v, job);
         json_decref(job);
-        pause_seconds(wait);
-        if (wait < 0.5) wait *= 1.5;
+        if (!first) pause_seconds(0.5);
+        cli_follow(http, path, &events, &reply); /* why it ended, or that there is none, the job tells */
+        cli_reply_clear(&reply);
         job = ask(http, id, patience_seconds, &exit_code);
     }
-    cli_progress_clear(&progress);
+    cli_events_clear(&events);
+    cli_progress_clear(&v.progress);
     if (!job) return exit_code;
     exit_code = exit_of_job(id, job);
     json_decref(job);

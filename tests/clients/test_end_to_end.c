@@ -351,6 +351,23 @@ static void the_log_is_there(void **state) {
     kit_result_clear(&sh);
 }
 
+/* From before it has begun, by one that is there at its end. */
+static void the_log_is_followed_to_the_end(void **state) {
+    (void)state;
+    char id[ID_MAX];
+    submit(C_CLIENT, part, id);
+    kit_result followed = call_well(C_CLIENT, (const char *[]){"log", id, "--follow", NULL});
+    watch(C_CLIENT, id); /* has ended */
+    kit_result whole = call_well(C_CLIENT, (const char *[]){"log", id, NULL});
+    kit_result last = call_well(C_CLIENT, (const char *[]){"log", id, "--tail", "1", NULL});
+    assert_string_equal(followed.out, whole.out);
+    assert_true(last.out_size <= whole.out_size);
+    assert_string_equal(last.out, whole.out + whole.out_size - last.out_size);
+    kit_result_clear(&followed);
+    kit_result_clear(&whole);
+    kit_result_clear(&last);
+}
+
 static void a_job_outlives_a_kill_of_its_daemon(void **state) {
     (void)state;
     char id[ID_MAX];
@@ -394,6 +411,7 @@ int main(void) {
         cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
         cmocka_unit_test(a_search_is_finished_by_either_client),
         cmocka_unit_test(the_log_is_there),
+        cmocka_unit_test(the_log_is_followed_to_the_end),
         cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),
     };
     return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);

@@ -1,10 +1,10 @@
 // One job: how far it is, the best that its search has found so far, the buttons to settle for that or to cancel; why it failed; its report and its files. The job is
-// asked for again until it has ended.
-import { $, call, el, Refused, save } from './dom.mjs';
+// asked for when its stream of events says that something has changed, until it has ended.
+import { $, call, el, events, Refused, save } from './dom.mjs';
 import { kindFound, sectionsOf } from './report.mjs';
 import { bytes, counted, seconds } from './text.mjs';
 
-const OFTEN = 500, SELDOM = 5000; // milliseconds between questions; seldom while nobody looks or the daemon does not answer
+const SOON = 50, OFTEN = 500, SELDOM = 5000; // milliseconds until it is asked for: after news, when the stream of news was cut, while nobody looks or the daemon does not answer
 const SEARCHES = 'reduce';        // the stage that searches when the option `explore` asks for it
 
 export const ended = job => job.state !== 'queued' && job.state !== 'running';
@@ -76,7 +76,8 @@ export class JobPage {
 
   follow(id) {
     this.stop();
-    this.id = id, this.asked = false;
+    this.id = id, this.asked = false, this.listens = false;
+    this.seen = {}, this.cut = new AbortController();
     for (const part of ['notes', 'attempts', 'report']) $(part).replaceChildren();
     for (const part of ['name', 'facts', 'doing', 'trouble']) $(part).textContent = '';
     $('live').hidden = true;
@@ -86,6 +87,7 @@ export class JobPage {
 
   stop() {
     clearTimeout(this.timer);
+    this.cut?.abort();
     this.timer = 0, this.run++, this.id = '';
   }
 
@@ -98,7 +100,7 @@ export class JobPage {
       if (!this.asked) this.complain('');
       this.show(job);
       if (ended(job)) await this.finishUp(job, run);
-      else this.again(OFTEN);
+      else this.listen();
     } catch (error) {
       if (run !== this.run) return;
       if (!(error instanceof Refused)) throw error;
@@ -110,7 +112,34 @@ export class JobPage {
     }
   }
 
-  again(pause) { this.timer = setTimeout(() => this.poll(), document.hidden ? SELDOM : pause); }
+  again(pause) {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.poll(), document.hidden ? SELDOM : pause);
+  }
+
+  /** Follows the stream of the job's events, until it has ended or another one is followed. */
+  async listen() {
+    const { cut } = this;
+    if (this.listens) return;
+    this.listens = true;
+    let pause = OFTEN;
+    try {
+      for await (const { event, data } of events(`v1/jobs/${this.id}/events`, this.seen, cut.signal)) {
+        if (cut.signal.aborted) return;
+        if (event === 'end') pause = SOON;
+        else this.hear(event, data);
+      }
+    } catch { /* it was cut: what the job is now tells what to do */ }
+    if (cut.signal.aborted) return;
+    this.listens = false;
+    this.again(pause);
+  }
+
+  /** Progress and notes are shown as they come; after a change of state or stage of the last attempt or a new one the job is asked for. */
+  hear(event, data) {
+    if (event === 'progress' || event === 'note') this.show(Object.assign(this.job, { stage: data.stage }, data.note ? { note: data.note } : { progress: data.progress }));
+    else if (data.attempt >= (this.job.attempts.at(-1)?.attempt || 0)) this.again(SOON);
+  }
 
   complain(text) { complain(text); }
 
@@ -130,6 +159,7 @@ export class JobPage {
   }
 
   show(job) {
+    this.job = job;
     const kind = { tet: 'a tet mesh', hex: 'a hexahedral mesh' }[job.options.kind];
     $('name').textContent = job.name || job.id;
     $('facts').textContent = `${stateOf(job)}; created ${new Date(job.created).toLocaleString()}${kind ? `, for ${kind}` : ''}`;
@@ -145,6 +175,8 @@ export class JobPage {
   }
 
   async finishUp(job, run) {
+    clearTimeout(this.timer);
+    this.cut.abort();
     let results = [], report = null;
     if (job.state === 'successful') ({ results } = await call('GET', `v1/jobs/${job.id}/results`));
     if (run !== this.run) return;

@@ -126,6 +126,12 @@ const tests = {
   async 'a search shows the best found so far, and settles for it'() {
     await go(search);
     await until(`${state} === 'waiting' && notes.childElementCount > 0`);
+    const questions = `performance.getEntriesByType('resource').filter(e => e.name.endsWith('/v1/jobs/${search}')).length`;
+    const settle = ms => browser.evaluate(`new Promise(done => setTimeout(done, ${ms}))`);
+    await settle(300);
+    const before = await browser.evaluate(questions);
+    await settle(1500);
+    assert.equal(await browser.evaluate(questions), before); // it hears of it, and does not ask
     const { note, stage, progress } = await ask(search);
     assert.equal(stage, 'reduce');
     assert.equal(await browser.evaluate(`notes.lastChild.textContent`), note);
