@@ -117,13 +117,7 @@ static bool put_right(bw_partial *p) {
     char path[PATH_MAX];
     part_path(p, "part", path);
     bool there = lstat(path, &st) == 0 && S_ISREG(st.st_mode);
-    if (*p->blob && there) return bw_store_adopt(p->all->store, path, p->blob) == BW_OK;
-    if (*p->blob) {
-        uint64_t bytes;
-        int fd = bw_store_open_blob(p->all->store, p->blob, &bytes);
-        if (fd >= 0) close(fd);
-        return fd >= 0;
-    }
+    if (*p->blob) return bw_store_adopt(p->all->store, path, p->blob) == BW_OK;
     return there && (uint64_t)st.st_size >= p->durable && truncate(path, (off_t)p->durable) == 0;
 }
 
@@ -348,19 +342,22 @@ static bw_status complete(bw_partial *p, char actual[BW_SHA256_TEXT]) {
     status = write_sidecar(p);
     if (status == BW_OK && fchmod(p->fd, 0400) != 0) status = BW_E_IO;
     if (status == BW_OK) status = bw_store_adopt(p->all->store, path, actual);
-    if (status != BW_OK) *p->blob = '\0'; /* another commit tries again */
+    if (status != BW_OK && access(path, F_OK) == 0) *p->blob = '\0'; /* it is no blob yet; another commit tries again */
     return status;
 }
 
 bw_status bw_partial_commit(bw_partial *p, int64_t expires, char actual[BW_SHA256_TEXT]) {
+    char path[PATH_MAX];
     *actual = '\0';
-    if (*p->blob) return BW_OK;
-    bw_status status = bw_sync(p->fd, p->id);
+    if (*p->blob && p->durable == p->written) return BW_OK;
+    bw_status status = *p->blob ? BW_OK : bw_sync(p->fd, p->id);
     if (status != BW_OK) return status;
     uint64_t before = p->durable;
     p->durable = p->written;
     p->expires = expires;
-    status = p->written == p->length ? complete(p, actual) : write_sidecar(p);
+    part_path(p, "part", path);
+    if (*p->blob) status = bw_store_adopt(p->all->store, path, p->blob); /* renamed, but the folder could not be synced */
+    else status = p->written == p->length ? complete(p, actual) : write_sidecar(p);
     if (status != BW_OK) {
         p->durable = before;
         return status;

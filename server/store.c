@@ -107,13 +107,13 @@ bw_status bw_upload_write(bw_upload *u, const void *data, size_t size) {
 
 uint64_t bw_upload_bytes(const bw_upload *u) { return u->bytes; }
 
-/* Makes DIR/ab, renames `from` to DIR/ab/<name>, syncs the folder. */
+/* Makes DIR/ab, renames `from` to DIR/ab/<name>, syncs the folder; after a failure of the last step it may be called again. */
 static bw_status file_away(const char *from, const char *to) {
     char folder[PATH_MAX];
     snprintf(folder, sizeof folder, "%s", to);
     *strrchr(folder, '/') = '\0';
     bw_status status = bw_make_dir(folder);
-    if (status == BW_OK && rename(from, to) != 0) status = BW_E_IO;
+    if (status == BW_OK && rename(from, to) != 0 && !(errno == ENOENT && access(to, F_OK) == 0)) status = BW_E_IO;
     return status == BW_OK ? bw_sync_path(folder) : status;
 }
 

@@ -44,7 +44,8 @@ bw_status bw_upload_finish(bw_upload *upload, const char *sha256, bool *matches,
 void bw_upload_abort(bw_upload *upload);
 uint64_t bw_upload_bytes(const bw_upload *upload);
 
-/* Makes a synced file of this content, which lies in the data folder, the blob: it is renamed, durably. */
+/* Makes a synced file of this content, which lies in the data folder, the blob: it is renamed, durably. May be
+ * repeated when it has failed after the rename. */
 bw_status bw_store_adopt(bw_store *store, const char *path, const char *sha256);
 /* A descriptor for reading, or -1; errno is ENOENT if there is no such blob, else it may be there and cannot be had now. */
 int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *bytes);

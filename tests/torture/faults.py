@@ -31,6 +31,7 @@ class Faults:
         self.daemon.stop()
         self.number, self.shim = 0, None
         self.done = []  # jobs of earlier cases
+        self.once = {}  # hash of the input: how many jobs of it have been accepted, by their keys
         self.tally = {}  # what became of the daemon: how often
 
     def new_job(self, script="", **kind):
@@ -71,7 +72,14 @@ class Faults:
 
     def live(self, rules, job, may_fail):
         """The life of a job from upload to results, against all odds."""
-        self.insist(rules, lambda: kit.submit(self.client, job))
+        how = self.rng.choice(self.interface.ways)
+        key = "faults-%d-%s" % (self.a.seed, job.sha256[:20]) if self.interface.idempotency else None
+        job.twin = kit.Job(job.script.decode(), until=self.stages[1])
+        self.insist(rules, lambda: kit.submit(self.client, job, key, how))
+        if key:
+            self.once[job.sha256] = 1 + (how == "batch")
+        if how == "batch":
+            self.done.append(job.twin)
 
         def ended():
             reply = self.client.get("/v1/jobs/" + job.id)
@@ -141,7 +149,7 @@ class Faults:
         elif phase != "stop":
             self.tally["went on"] = self.tally.get("went on", 0) + (1 if sum(shim.fired()) else 0)
         for old in self.rng.sample(self.done, min(2, len(self.done))) + [job]:
-            old.check_final(self.client.job(old.id), self.stages)
+            old.check_final(self.client.wait_final(old.id), self.stages)
             old.check_results(self.client, self.stages)
         self.done.append(job)
         if phase == "stop":
@@ -343,6 +351,15 @@ class Faults:
 
     # ---- the whole ----
 
+    def count_jobs(self):
+        """With keys, no job is there twice, whatever answer was lost."""
+        found = {}
+        for job in self.client.all_jobs():
+            found[job["input"]] = found.get(job["input"], 0) + 1
+        wrong = {sha256: found.get(sha256, 0) for sha256, n in self.once.items() if found.get(sha256, 0) != n}
+        kit.expect(not wrong, "jobs of these inputs are there so often, and not as often as accepted: %s", wrong)
+        print("%d inputs submitted with a key, each accepted exactly as often as it was asked for" % len(self.once), flush=True)
+
     def attempt(self, name, function, *arguments):
         """Goes on after a finding, so that one run tells all."""
         try:
@@ -368,6 +385,7 @@ class Faults:
             self.attempt("slow disk", self.slow_disk)
             self.attempt("calls", self.enumerate)
             self.daemon.start()
+            self.attempt("count", self.count_jobs)
             self.daemon.stop()
             print("in the end: %s" % kit.audit(self.daemon), flush=True)
         finally:

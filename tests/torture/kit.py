@@ -369,6 +369,7 @@ class Interface:
         self.idempotency = any(p.get("name", "").lower() == "idempotency-key" for p in parameters)
         self.retry = "/v1/jobs/{id}/retry" in self.document["paths"]
         self.events = "/v1/jobs/{id}/events" in self.document["paths"]
+        self.ways = ["whole"] + ["parts"] * ("/v1/uploads" in self.document["paths"]) + ["batch"] * ("/v1/batches" in self.document["paths"])
 
     def resolve(self, node):
         for part in node.get("$ref", "#/").split("/")[1:]:
@@ -402,7 +403,8 @@ class Job:
         self.script = script.encode()
         self.sha256 = hashlib.sha256(self.script).hexdigest()
         self.ends, self.problem, self.until, self.action = ends, problem, until, action
-        self.id = self.key = self.seen = None
+        self.id = self.seen = None
+        self.upload, self.offset, self.twin = None, 0, None  # of a resumable upload; the other job of a batch
         self.dismissed = False  # its cancel was answered with 200
 
     def document(self):
@@ -475,17 +477,64 @@ class Job:
         return total
 
 
-def submit(client, job, key=None):
-    """Uploads and creates; True if the job was accepted, False if the daemon said no for a passing reason (5xx, 429)."""
-    reply = client.upload(job.script)
-    if reply.status >= 500 or reply.status == 429:
+REFUSED = (429, 423)  # passing reasons, as are all of 500 and above
+
+
+def passing(reply, what, *good):
+    """Whether the daemon said no for a passing reason; any other answer but those in `good` is a finding."""
+    if reply.status >= 500 or reply.status in REFUSED:
+        return True
+    expect(reply.status in good, "%s: %d %s", what, reply.status, reply.body[:300])
+    return False
+
+
+def upload_in_parts(client, job):
+    """Two parts over the resumable protocol, going on where the daemon is; False for a passing reason. What it has said to be on
+    stable storage stays there."""
+    tus, size = {"Tus-Resumable": "1.0.0"}, len(job.script)
+    if not job.upload:
+        reply = client.request("POST", "/v1/uploads", b"", {**tus, "Upload-Length": str(size)})
+        if passing(reply, "begin of an upload", 201):
+            return False
+        job.upload, job.offset = reply.headers["Location"].split("://")[-1], 0
+        job.upload = job.upload[job.upload.index("/v1/"):]
+    while True:
+        reply = client.request("HEAD", job.upload, None, tus)
+        if passing(reply, "HEAD of the upload %s" % job.upload, 200):
+            return False
+        at = int(reply.headers["Upload-Offset"])
+        expect(at >= job.offset, "%d bytes of the upload %s were on stable storage, now %d are", job.offset, job.upload, at)
+        if reply.headers.get("Blockwright-Blob"):
+            expect(reply.headers["Blockwright-Blob"] == job.sha256, "the upload became the blob %s", reply.headers["Blockwright-Blob"])
+            return True
+        part = job.script[at:at + size // 2 + 1]
+        reply = client.request("PATCH", job.upload, part, {**tus, "Upload-Offset": str(at), "Content-Type": "application/offset+octet-stream"})
+        if passing(reply, "PATCH of the upload %s" % job.upload, 204):
+            return False
+        job.offset = int(reply.headers["Upload-Offset"])
+        expect(job.offset == at + len(part), "a PATCH of %d bytes at %d ends at %d", len(part), at, job.offset)
+
+
+def submit(client, job, key=None, how="whole"):
+    """Uploads and creates; True if the job was accepted, False if the daemon said no for a passing reason. how: "whole", "parts"
+    (resumable upload), or "batch" (created together with job.twin)."""
+    if how == "parts":
+        if not upload_in_parts(client, job):
+            return False
+    elif passing(client.upload(job.script), "upload", 200, 201):
         return False
-    expect(reply.status in (200, 201), "upload: %d %s", reply.status, reply.body[:300])
-    reply = client.post("/v1/jobs", job.document(), {"Idempotency-Key": key} if key else None)
-    if reply.status >= 500 or reply.status == 429:
+    headers = {"Idempotency-Key": key} if key else None
+    if how == "batch":
+        reply = client.post("/v1/batches", {"jobs": [job.document(), job.twin.document()]}, headers)
+    else:
+        reply = client.post("/v1/jobs", job.document(), headers)
+    if passing(reply, "submission", 200, 201):
         return False
-    expect(reply.status in (200, 201), "submission: %d %s", reply.status, reply.body[:300])
-    job.id = reply.json()["id"]
+    answer = reply.json()
+    if how == "batch":
+        job.id, job.twin.id = (one["id"] for one in answer["jobs"])
+    else:
+        job.id = answer["id"]
     return True
 
 

@@ -61,7 +61,7 @@ typedef struct {
 } control;
 
 static rule rules[RULES_MOST];
-static int rule_count;
+static int rule_count, calls_of_any;
 static control own, *shared = &own;
 
 static void mistake(const char *text) {
@@ -116,6 +116,7 @@ static void read_rule(char *text) {
         else mistake(pair);
     }
     rule_count++;
+    calls_of_any |= r->calls;
 }
 
 __attribute__((constructor)) static void set_up(void) {
@@ -170,7 +171,7 @@ static bool is_armed(void) { return shared->armed && (!shared->pid || shared->pi
 
 static fate of_path(int call, const char *path) {
     char absolute[PATH_MAX];
-    if (!rule_count || !is_armed()) return (fate){PASS, 0};
+    if (!(calls_of_any & call) || !is_armed()) return (fate){PASS, 0};
     int saved = errno;
     if (path[0] != '/' && syscall(SYS_getcwd, absolute, sizeof absolute / 2) > 0) {
         size_t n = strlen(absolute);
@@ -184,7 +185,7 @@ static fate of_path(int call, const char *path) {
 
 static fate of_fd(int call, int fd) {
     char path[PATH_MAX];
-    if (!rule_count || !is_armed()) return (fate){PASS, 0};
+    if (!(calls_of_any & call) || !is_armed()) return (fate){PASS, 0};
     int saved = errno;
     fate f = path_of(fd, path) ? consult(call, path) : (fate){PASS, 0};
     errno = saved;
