@@ -118,7 +118,7 @@ void bw_stream_event(bw_stream *s, const char *event, int64_t id, const char *da
 }
 
 void bw_stream_json(bw_stream *s, const char *event, int64_t id, json_t *data) {
-    char *text = data ? json_dumps(data, JSON_COMPACT) : NULL;
+    char *text = data ? json_dumps(data, JSON_COMPACT | JSON_REAL_PRECISION(6)) : NULL;
     json_decref(data);
     if (text) bw_stream_event(s, event, id, text, strlen(text));
     else s->lost = true;
@@ -168,15 +168,18 @@ static void sleep_on(bw_stream *s) {
     if (has_news(s) && bw_watch_remove(watch, &s->watcher)) bw_request_resume(s->request);
 }
 
-/* Now and then, however much there is to tell: is there still somebody, and may he? */
+/* May the client hear more? And now and then, however much there is to tell: is he still there? */
 static void look_around(bw_stream *s) {
     const bw_request *r = s->request;
     int64_t now = bw_mono_ms();
-    if (now < s->look_at || s->state != BW_STREAM_ON) return;
-    s->look_at = now + r->services->config->stream_comment_ms;
-    if (bw_guard_has_gone(r->guarded)) s->state = BW_STREAM_BROKEN;
-    else if (!bw_access_holds(r->services->access, &r->caller, bw_now_ms())) s->state = BW_STREAM_END;
-    else bw_stream_comment(s);
+    if (s->state != BW_STREAM_ON) return;
+    if (!bw_access_holds(r->services->access, &r->caller, bw_now_ms())) {
+        s->state = BW_STREAM_END;
+    } else if (now >= s->look_at) {
+        s->look_at = now + r->services->config->stream_comment_ms;
+        if (bw_guard_has_gone(r->guarded)) s->state = BW_STREAM_BROKEN;
+        else bw_stream_comment(s);
+    }
 }
 
 static ssize_t read_stream(void *user, uint64_t at, char *out, size_t room) {

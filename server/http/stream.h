@@ -7,8 +7,8 @@
  *
  * What goes over the line: first `retry:`, then events. An event with a number has it as `id:`; a client that connects again with the
  * last number as Last-Event-ID gets what follows: so an event with a number is made from what is kept, and one call of bw_stream_event is
- * all of it. Every `stream-comment` (configuration) a comment goes out; then also it is seen whether the client is still there, and
- * whether its token still holds.
+ * all of it. Every `stream-comment` (configuration) a comment goes out; then also it is seen whether the client is still there.
+ * Whoever has lost his token hears nothing more, and is told so then at the latest.
  *
  * A stream ends when its source says so, when the client goes, does not read for BW_IDLE_SECONDS, or loses its token, and when the daemon
  * stops.

@@ -77,7 +77,7 @@ static bw_status read_number(bw_queue *q, int64_t *value, int64_t otherwise, con
 }
 
 bw_status bw_queue_journal_end(bw_queue *q, int64_t *seq) {
-    return read_number(q, seq, 0, "SELECT seq FROM events ORDER BY seq DESC LIMIT 1", NULL);
+    return read_number(q, seq, 0, "SELECT max(seq) FROM events", NULL);
 }
 
 bw_status bw_queue_state(bw_queue *q, const char *id, bw_job_state *state, bool *known) {

@@ -57,6 +57,10 @@ static bool keep(void *user, const char *key) {
     return true;
 }
 
+static void see_event(void *user, int64_t seq, const char *job, const char *kind, const char *data, int64_t at) {
+    (void)user, (void)seq, (void)job, (void)kind, (void)data, (void)at;
+}
+
 /* Every function of queue.h, on every path that has a statement of its own. */
 static void use_everything(void) {
     bw_job job, *list;
@@ -104,6 +108,13 @@ static void use_everything(void) {
         assert_int_equal(bw_queue_list(q, &filter, 0, 5, &list, &n, &number), BW_OK);
         bw_jobs_free(list, n);
     }
+    for (int j = 0; j < 3; j++) {
+        bw_journal journal = {.job = j == 1 ? job.id : NULL, .owner = j == 2 ? "a" : NULL, .limit = 5};
+        assert_int_equal(bw_queue_journal(q, &journal, see_event, NULL), BW_OK);
+    }
+    bw_job_state state;
+    assert_int_equal(bw_queue_journal_end(q, &number), BW_OK);
+    assert_int_equal(bw_queue_state(q, job.id, &state, &done), BW_OK);
     assert_int_equal(bw_queue_owner(q, "a", &owner), BW_OK);
     bw_load load;
     assert_int_equal(bw_queue_load(q, &load), BW_OK);

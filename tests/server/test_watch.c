@@ -64,6 +64,26 @@ static void news_go_to_the_watchers_of_that_job_once(void **state) {
     assert_true(bw_watch_remove(watch, &other.watcher));
 }
 
+static void talk_is_told_to_those_who_listen(void **state) {
+    (void)state;
+    listener plain, listens, other;
+    listen_to(&plain, "job1", far_away);
+    memset(&listens, 0, sizeof listens);
+    memset(&other, 0, sizeof other);
+    bw_watch_listen(watch, &listens.watcher, "job1", bw_mono_ms() + far_away, on_told, &listens);
+    bw_watch_listen(watch, &other.watcher, "job2", bw_mono_ms() + far_away, on_told, &other);
+    bw_watch_murmur(watch, "job1");
+    assert_int_equal(listens.told, 1);
+    assert_int_equal(plain.told + other.told, 0);
+    bw_watch_listen(watch, &listens.watcher, "job1", bw_mono_ms() + far_away, on_told, &listens);
+    bw_watch_notify(watch, "job1");
+    assert_int_equal(listens.told, 2);
+    assert_int_equal(plain.told, 1);
+    bw_watch_stop(watch);
+    assert_int_equal(other.told, 1);
+    assert_true(bw_watch_stopped(watch));
+}
+
 static void a_removed_watcher_is_not_told(void **state) {
     (void)state;
     listener a;
@@ -126,6 +146,7 @@ static void told_or_removed_but_never_both_nor_neither(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(news_go_to_the_watchers_of_that_job_once, open_watch, close_watch),
+        cmocka_unit_test_setup_teardown(talk_is_told_to_those_who_listen, open_watch, close_watch),
         cmocka_unit_test_setup_teardown(a_removed_watcher_is_not_told, open_watch, close_watch),
         cmocka_unit_test_setup_teardown(deadlines_come_in_their_order, open_watch, close_watch),
         cmocka_unit_test_setup_teardown(the_end_is_told_to_all_and_to_those_who_come_later, open_watch, close_watch),

@@ -221,6 +221,21 @@ static void whoever_has_seen_the_end_gets_204(void **state) {
     kit_expect_problem(kit_get(&d, "/v1/jobs/000000000000000000000000/events"), 404, "no-such-job");
 }
 
+static void head_and_old_clients_are_answered(void **state) {
+    (void)state;
+    char id[32], text[160];
+    kit_submit(&d, "sanitize sleep 700\n# head\n", NULL, id);
+    kit_reply r = kit_request(&d, "HEAD", path_of(id, "events"), NULL, NULL, 0);
+    assert_int_equal(r.status, 200);
+    assert_int_equal(r.size, 0);
+    kit_free(&r);
+    int n = snprintf(text, sizeof text, "GET /v1/jobs/%s/events HTTP/1.0\r\nHost: localhost\r\n\r\n", id);
+    char *all = kit_raw(&d, text, (size_t)n, false);
+    assert_non_null(strstr(all, "event: end\n"));
+    assert_null(strstr(all, "chunked"));
+    free(all);
+}
+
 enum { MANY = 200 };
 
 static long long metric_streams(void) {
@@ -406,6 +421,7 @@ int main(void) {
         cmocka_unit_test(random_cuts_and_restarts_leave_no_gap_and_repeat_nothing),
         cmocka_unit_test(the_stream_of_all_jobs_is_the_journal),
         cmocka_unit_test(whoever_has_seen_the_end_gets_204),
+        cmocka_unit_test(head_and_old_clients_are_answered),
         cmocka_unit_test(many_streams_hold_up_nobody_and_all_end),
         cmocka_unit_test(an_owner_has_so_many_streams_and_vanished_clients_are_noticed),
         cmocka_unit_test(a_log_is_followed_over_cuts),
