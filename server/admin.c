@@ -20,7 +20,7 @@
 #include "server/files.h"
 #include "server/log.h"
 
-enum { LINE_MOST = 1 << 20, PATIENCE_SECONDS = 5, ASK_WAIT_MS = 20000, ASK_AGAIN_MS = 50 };
+enum { LINE_MOST = 1 << 20, PATIENCE_SECONDS = 5, ASK_WAIT_MS = 20000, ASK_AGAIN_MS = 50, ANSWER_SECONDS = 3600 };
 
 struct bw_admin {
     bw_admin_services services;
@@ -178,7 +178,7 @@ static int connect_to(int folder) {
 }
 
 static json_t *ask_daemon(int fd, const json_t *request, char error[BW_ADMIN_ERROR]) {
-    struct timeval patience = {ASK_WAIT_MS / 1000, 0};
+    struct timeval patience = {ANSWER_SECONDS, 0}; /* a copy of everything takes its time */
     setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     json_t *answer = transmit(fd, request) ? receive(fd) : NULL;
     const char *why = json_string_value(json_object_get(answer, "error"));
@@ -189,22 +189,27 @@ static json_t *ask_daemon(int fd, const json_t *request, char error[BW_ADMIN_ERR
 }
 
 /* In the place of the daemon, with its lock held. */
-static json_t *do_it(const char *data, const json_t *request, char error[BW_ADMIN_ERROR]) {
+static json_t *do_it(const bw_config *config, const json_t *request, char error[BW_ADMIN_ERROR]) {
     char path[PATH_MAX];
-    bw_admin_services services = {0};
+    bw_admin_services services = {.config = config};
     json_t *answer = NULL;
-    snprintf(path, sizeof path, "%s/jobs.db", data);
+    snprintf(path, sizeof path, "%s/jobs.db", config->data);
     bw_log_configure(BW_WARN, BW_LOGFMT);
     bw_status status = bw_queue_open(path, &services.queue);
+    if (status == BW_OK) status = bw_store_open(config->data, &services.store);
+    if (status == BW_OK) status = bw_retention_open(config, services.store, services.queue, &services.retention);
     if (status == BW_OK) status = bw_access_open(services.queue, &services.access);
     if (status == BW_OK) answer = run(&services, request, error);
     else refuse(error, "%.200s cannot be opened", path);
     bw_access_close(services.access);
+    bw_retention_close(services.retention);
     bw_queue_close(services.queue);
+    bw_store_close(services.store);
     return answer;
 }
 
-json_t *bw_admin_ask(const char *data, json_t *request, char error[BW_ADMIN_ERROR]) {
+json_t *bw_admin_ask(const bw_config *config, json_t *request, char error[BW_ADMIN_ERROR]) {
+    const char *data = config->data;
     char path[PATH_MAX];
     json_t *answer = NULL;
     bool settled = false;
@@ -218,7 +223,7 @@ json_t *bw_admin_ask(const char *data, json_t *request, char error[BW_ADMIN_ERRO
             settled = true;
             close(fd);
         } else if ((lock = bw_lock_file(path)) >= 0) {
-            answer = do_it(data, request, error);
+            answer = do_it(config, request, error);
             settled = true;
             close(lock);
         } else {

@@ -15,14 +15,19 @@
 #include <jansson.h>
 
 #include "server/access.h"
+#include "server/config.h"
 #include "server/dispatch.h"
 #include "server/queue/queue.h"
+#include "server/retention.h"
 
 enum { BW_ADMIN_ERROR = 300 };
 
 typedef struct {
+    const bw_config *config;
+    bw_store *store;
     bw_queue *queue;
     bw_access *access;
+    bw_retention *retention;
     bw_dispatch *dispatch; /* NULL: no daemon runs */
 } bw_admin_services;       /* borrowed */
 
@@ -39,7 +44,7 @@ typedef struct bw_admin bw_admin;
 bw_status bw_admin_start(const char *data, const bw_admin_services *services, bw_admin **admin);
 void bw_admin_stop(bw_admin *admin);
 
-/* Asks the daemon of `data`, or does it in its stead. Takes `request`. NULL: `error` tells why. */
-json_t *bw_admin_ask(const char *data, json_t *request, char error[BW_ADMIN_ERROR]);
+/* Asks the daemon of config->data, or does it in its stead, with these settings. Takes `request`. NULL: `error` tells why. */
+json_t *bw_admin_ask(const bw_config *config, json_t *request, char error[BW_ADMIN_ERROR]);
 
 #endif

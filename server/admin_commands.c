@@ -165,7 +165,23 @@ static json_t *owner_list(const bw_admin_services *s, const json_t *request, cha
     return failed(error, "the database does not read");
 }
 
+/* ---- retention ---- */
+
+static json_t *gc(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    bool dry = json_is_true(json_object_get(request, "dry_run"));
+    bw_policy policy = bw_retention_policy(s->config, bw_now_ms());
+    bw_retention_report report;
+    if (bw_retention_pass(s->retention, &policy, dry, &report) != BW_OK) return failed(error, "the database does not take it");
+    json_t *kinds = json_object();
+    for (int i = 0; i < BW_KEEP_COUNT; i++)
+        json_object_set_new(kinds, bw_keep_names[i], json_pack("{s:I, s:I}", "count", (json_int_t)report.kinds[i].count, "bytes",
+                                                               (json_int_t)report.kinds[i].bytes));
+    return json_pack("{s:b, s:o, s:I, s:I, s:I, s:I}", "dry_run", dry, "collected", kinds, "cache_bytes", (json_int_t)report.cache_bytes,
+                     "cache_most", (json_int_t)policy.cache_most, "held", (json_int_t)report.held, "held_bytes", (json_int_t)report.held_bytes);
+}
+
 const bw_admin_command bw_admin_commands[] = {
+    {"gc", gc},
     {"token create", token_create},
     {"token list", token_list},
     {"token revoke", token_revoke},

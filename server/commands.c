@@ -1,4 +1,4 @@
-/* blockwrightd token ..., owner ... : reads the words, asks the daemon (admin.h), shows what it says.
+/* blockwrightd token ..., owner ..., gc ... : reads the words, asks the daemon (admin.h), shows what it says.
  *
  * Exit codes: 0 done, 2 a mistake in the words, 5 it could not be done.
  */
@@ -106,7 +106,7 @@ static bool load(bw_config *config, int *argc, char **argv) {
 
 static json_t *ask(const bw_config *config, json_t *request) {
     char error[BW_ADMIN_ERROR];
-    json_t *answer = request ? bw_admin_ask(config->data, request, error) : NULL;
+    json_t *answer = request ? bw_admin_ask(config, request, error) : NULL;
     if (!answer) complain("%s", request ? error : "out of memory, or a word is no UTF-8");
     return answer;
 }
@@ -280,4 +280,44 @@ int bw_command_token(int argc, char **argv) {
 int bw_command_owner(int argc, char **argv) {
     static const verb verbs[] = {{"set", set_owner}, {"list", list_owners}, {NULL, NULL}};
     return run_verb(argc, argv, verbs, owner_usage);
+}
+
+/* ---- gc ---- */
+
+static const char gc_usage[] =
+    "usage: blockwrightd gc --data DIR [--dry-run] [--json]\n"
+    "\n"
+    "Removes at once what the daemon removes every --retention-interval anyway, by the daemon's settings (of this command if none runs), and\n"
+    "prints how much of what went and why. --dry-run: only tells. Works while the daemon runs.\n";
+
+static json_int_t number_of(const json_t *object, const char *name) { return json_integer_value(json_object_get(object, name)); }
+
+static void print_gc(const json_t *answer) {
+    static const char *const reasons[][2] = {{"jobs", "ended longer ago than keep-finished, keep-failed"},
+                                             {"outputs", "unused for longest, beyond cache-size"},
+                                             {"blobs", "named by no job, unused for keep-uploads"},
+                                             {"keys", "Idempotency-Keys older than keep-keys"},
+                                             {"gone", "ids of removed jobs, older than keep-gone"}};
+    printf("%-8s  %10s  %16s  %s\n", json_is_true(json_object_get(answer, "dry_run")) ? "WOULD GO" : "GONE", "COUNT", "BYTES", "REASON");
+    for (size_t i = 0; i < sizeof reasons / sizeof *reasons; i++) {
+        const json_t *kind = json_object_get(json_object_get(answer, "collected"), reasons[i][0]);
+        printf("%-8s  %10" JSON_INTEGER_FORMAT "  %16" JSON_INTEGER_FORMAT "  %s\n", reasons[i][0], number_of(kind, "count"),
+               number_of(kind, "bytes"), reasons[i][1]);
+    }
+    printf("cache: %" JSON_INTEGER_FORMAT " bytes left, cache-size %" JSON_INTEGER_FORMAT "; %" JSON_INTEGER_FORMAT
+           " outputs of %" JSON_INTEGER_FORMAT " bytes would have been due but are in use\n", number_of(answer, "cache_bytes"),
+           number_of(answer, "cache_most"), number_of(answer, "held"), number_of(answer, "held_bytes"));
+}
+
+int bw_command_gc(int argc, char **argv) {
+    static bw_config config;
+    if (take_flag(&argc, argv, "--help")) return fputs(gc_usage, stdout) < 0;
+    bool dry = take_flag(&argc, argv, "--dry-run"), raw = take_flag(&argc, argv, "--json");
+    if (!load(&config, &argc, argv) || !nothing_else(argc, argv, 0, gc_usage)) return USAGE;
+    json_t *answer = ask(&config, json_pack("{s:s, s:b}", "command", "gc", "dry_run", dry));
+    if (!answer) return FAILED;
+    if (raw) json_dumpf(answer, stdout, JSON_INDENT(1)), putchar('\n');
+    else print_gc(answer);
+    json_decref(answer);
+    return DONE;
 }

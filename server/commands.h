@@ -3,6 +3,7 @@
 #define BW_SERVER_COMMANDS_H
 
 int bw_command_token(int argc, char **argv); /* token create, list, revoke */
+int bw_command_gc(int argc, char **argv);
 
 int bw_command_owner(int argc, char **argv); /* owner set, list */
 

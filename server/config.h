@@ -61,6 +61,9 @@ typedef struct {
     atomic_int owner_jobs, owner_running, owner_streams; /* of one owner: jobs that have not ended; stages, streams at the same time. 0: any number */
     _Atomic uint64_t owner_bytes;         /* of the blobs that an owner has. 0: any number */
     atomic_int stream_comment_ms; /* http/stream.h */
+    atomic_int keep_finished_seconds, keep_failed_seconds, keep_gone_seconds, keep_keys_seconds, keep_blobs_seconds; /* 0: for ever */
+    atomic_int retention_interval_seconds;
+    _Atomic uint64_t cache_size; /* bytes of stage outputs; 0: any number */
     atomic_int stop_grace_ms; /* how long running stages may go on after SIGTERM */
     atomic_int log_level, log_format, log_requests; /* log.h, http/account.c */
     atomic_int probe_interval_ms;                   /* from here on: health.h */

@@ -144,6 +144,12 @@ static int open_input(bw_dispatch *d, const bw_job *job, const json_t *options, 
     return bw_store_open_cached(d->store, key, NULL, bytes);
 }
 
+/* Is the state there that the stage reads? Retention keeps it, but it may have been lost in other ways, or never have come back from a backup. */
+static bool has_input(bw_dispatch *d, const bw_job *job, const json_t *options) {
+    char key[BW_SHA256_TEXT];
+    return job->stage == 0 || !key_of(job, options, job->stage - 1, key) || bw_store_has_cached(d->store, key);
+}
+
 static bw_status give_up(bw_dispatch *d, slot *s, bw_problem problem, const char *detail, const json_t *error,
                          const bw_exceeded *exceeded);
 
@@ -188,7 +194,8 @@ static bw_status launch(bw_dispatch *d, slot *s, const json_t *options) {
     bw_status status = ready ? bw_spawner_spawn(d->spawner, &spawn, &files) : BW_OK;
     close_all((const int[]){input, parameters, channel, errors}, 4);
     if (ready) return status;
-    return give_up(d, s, BW_PROBLEM_IO, !there ? "the input of the stage is gone" : "cannot prepare the attempt", NULL, NULL);
+    if (!there) return give_up(d, s, BW_PROBLEM_FILES_LOST, "the input of the stage is gone", NULL, NULL);
+    return give_up(d, s, BW_PROBLEM_IO, "cannot prepare the attempt", NULL, NULL);
 }
 
 static bool key_is_busy(const bw_dispatch *d, const char *key) {
@@ -343,13 +350,18 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job, bool *taken) {
         if (!key_of(job, options, job->stage, key) || key_is_busy(d, key)) break;
         status = is_cached(d, key, &cached);
         if (status != BW_OK || (!cached && !s)) break;
+        if (!cached && !has_input(d, job, options)) {
+            status = bw_queue_rewind(d->queue, job, bw_now_ms(), &done);
+            bw_event(BW_WARN, "job.rewound", "job=%s", job->id);
+            continue;
+        }
         if (!cached) {
             status = claim_job(d, s, job, key, options, taken);
             break;
         }
         int stage = job->stage;
         bool results = stage == BW_API_STAGE_COUNT - 1;
-        status = bw_queue_reuse(d->queue, job, results ? key : "", bw_now_ms(), &done);
+        status = bw_queue_reuse(d->queue, job, key, results, bw_now_ms(), &done);
         *taken = *taken || done;
         if (status != BW_OK || !done) continue;
         bw_count(BW_METRIC_CACHE_HITS, stage, 0, 1);

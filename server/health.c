@@ -14,6 +14,7 @@
 #include "server/clock.h"
 #include "server/log.h"
 #include "server/metrics.h"
+#include "server/queue/retention.h"
 
 enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, DETAIL = 200 };
 
@@ -237,6 +238,7 @@ void bw_health_measure(bw_health *h) {
     bw_load load;
     bw_queue_stats stats;
     bw_verdict worst;
+    int64_t cache;
     json_decref(bw_health_checks(h, &worst));
     bw_gauge(BW_METRIC_READY, 0, worst != BW_VERDICT_FAIL);
     if (bw_queue_load(h->queue, &load) == BW_OK) {
@@ -248,6 +250,7 @@ void bw_health_measure(bw_health *h) {
     bw_queue_statistics(h->queue, &stats);
     bw_gauge(BW_METRIC_WAL_BYTES, 0, (int64_t)stats.wal_bytes);
     bw_gauge(BW_METRIC_WRITES_WAITING, 0, (int64_t)stats.waiting);
+    if (bw_queue_cache_bytes(h->queue, &cache) == BW_OK) bw_gauge(BW_METRIC_CACHE_SIZE, 0, cache);
     bw_gauge(BW_METRIC_DISK_FREE, 0, (int64_t)bw_store_room(h->store));
     bw_gauge(BW_METRIC_WORKERS, 0, h->config->workers);
     bw_metrics_read_process();

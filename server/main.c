@@ -30,6 +30,7 @@
 #include "server/log.h"
 #include "server/notify.h"
 #include "server/queue/queue.h"
+#include "server/retention.h"
 #include "server/store.h"
 #include "server/watch.h"
 #include "server/worker/spawner.h"
@@ -49,24 +50,6 @@ static bw_status take_folder(void) {
     bw_event(BW_ERROR, "data.busy", "path=%s", path);
     fprintf(stderr, "blockwrightd: another daemon uses %s\n", config.data);
     return BW_E_IO;
-}
-
-static bool has_row(void *user, const char *key) {
-    bool found = true;
-    return bw_queue_output(user, key, &found, NULL) != BW_OK || found; /* in doubt it stays */
-}
-
-static bool has_file(void *user, const char *key) { return bw_store_has_cached(user, key); }
-
-/* Cache entries and rows must come in pairs; attempts left open have no worker any more. */
-static bw_status put_right(bw_store *store, bw_queue *queue) {
-    int dropped = 0, forgotten = 0, recovered = 0;
-    bw_status status = bw_store_sweep_cache(store, has_row, queue, &dropped);
-    if (status == BW_OK) status = bw_queue_sweep_outputs(queue, has_file, store, &forgotten);
-    if (status == BW_OK) status = bw_queue_recover(queue, bw_now_ms(), &recovered);
-    bw_event(BW_INFO, "daemon.recovered", "interrupted=%d cache_dropped=%d cache_forgotten=%d", recovered, dropped,
-             forgotten);
-    return status;
 }
 
 /* An address that others reach is for daemons with tokens. */
@@ -221,6 +204,7 @@ static bw_status serve(int spawner) {
     char database[PATH_MAX], address[96];
     bw_services services = {.config = &config};
     bw_admin *admin = NULL;
+    bw_retention *retention = NULL;
     int signals = block_signals(), fatal = eventfd(0, EFD_CLOEXEC);
     const char *what = "data folder";
     bw_status status = signals < 0 || fatal < 0 ? BW_E_IO : take_folder();
@@ -228,17 +212,22 @@ static bw_status serve(int spawner) {
     if (status == BW_OK) what = "spawner", status = bw_spawner_wait_ready(spawner, SPAWNER_WAIT_SECONDS);
     if (status == BW_OK) what = "store", status = bw_store_open(config.data, &services.store);
     if (status == BW_OK) what = "queue", status = bw_queue_open(database, &services.queue);
-    if (status == BW_OK) what = "recovery", status = put_right(services.store, services.queue);
+    if (status == BW_OK) what = "recovery", status = bw_reconcile(services.store, services.queue, bw_now_ms());
     if (status == BW_OK) what = "access tokens", status = bw_access_open(services.queue, &services.access);
     if (status == BW_OK) status = check_open(services.access);
+    if (status == BW_OK) what = "retention", status = bw_retention_open(&config, services.store, services.queue, &retention);
     if (status == BW_OK) what = "watch", status = bw_watch_open(&services.watch);
     if (status == BW_OK)
         what = "dispatcher", status = bw_dispatch_start(&config, services.store, services.queue, services.watch, spawner,
                                                         fatal, &services.dispatch);
     if (status == BW_OK)
         what = "health", status = bw_health_start(&config, services.store, services.queue, services.dispatch, &services.health);
-    if (status == BW_OK)
-        what = "DATA/control", status = bw_admin_start(config.data, &(bw_admin_services){services.queue, services.access, services.dispatch}, &admin);
+    if (status == BW_OK) {
+        const bw_admin_services offered = {.config = &config, .store = services.store, .queue = services.queue, .access = services.access,
+                                           .retention = retention, .dispatch = services.dispatch};
+        what = "DATA/control", status = bw_admin_start(config.data, &offered, &admin);
+    }
+    if (status == BW_OK) what = "retention", status = bw_retention_begin(retention);
     if (status == BW_OK) what = "listening", status = bw_http_start(&services, &http, address, sizeof address);
     if (status == BW_OK) what = "address file", status = announce(address);
     if (status == BW_OK) what = "serving", status = serve_until_stopped(signals, fatal, services.dispatch);
@@ -248,6 +237,7 @@ static bw_status serve(int spawner) {
     bw_admin_stop(admin);
     bw_dispatch_stop(services.dispatch);
     bw_watch_close(services.watch);
+    bw_retention_close(retention);
     bw_access_close(services.access);
     bw_queue_close(services.queue);
     bw_store_close(services.store);
@@ -301,6 +291,7 @@ static int serve_command(int argc, char **argv) {
  * `others` takes out of its words. */
 static const command commands[] = {
     {"serve", "the daemon; also what runs without a command", serve_command},
+    {"gc", "removes what is old or too much, now, or tells what would go; see gc --help", bw_command_gc},
     {"token", "access tokens: token create, token list, token revoke; see token --help", bw_command_token},
     {"owner", "limits of owners: owner set, owner list; see owner --help", bw_command_owner},
 };

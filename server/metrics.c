@@ -12,6 +12,7 @@
 
 #include "bw_api.h"
 #include "server/clock.h"
+#include "server/retention.h"
 
 /* ---- labels ---- */
 
@@ -36,6 +37,8 @@ static const char *phase_name(int i) {
     return names[i];
 }
 
+static const char *keep_name(int i) { return bw_keep_names[i]; }
+
 static const char *version(int i) {
     (void)i;
     return BW_VERSION;
@@ -44,7 +47,7 @@ static const char *version(int i) {
 static const dimension by_stage = {"stage", BW_API_STAGE_COUNT, stage_name}, by_end = {"state", BW_JOB_COUNT - BW_JOB_SUCCESSFUL, end_name},
                        by_problem = {"problem", BW_PROBLEM_COUNT, problem_code}, by_class = {"class", 5, class_name},
                        by_operation = {"operation", BW_OP_COUNT + 1, operation_name}, by_phase = {"state", 3, phase_name},
-                       by_version = {"version", 1, version};
+                       by_version = {"version", 1, version}, by_keep = {"kind", BW_KEEP_COUNT, keep_name};
 
 /* ---- the table ---- */
 
@@ -83,6 +86,9 @@ static const row rows[] = {
     [BW_METRIC_CACHE_HITS] = {"blockwright_cache_hits_total", "Stages whose output was there already.", BW_COUNTER, ONE, {&by_stage}, 0},
     [BW_METRIC_CACHE_MISSES] = {"blockwright_cache_misses_total", "Stages whose output had to be made.", BW_COUNTER, ONE, {&by_stage}, 0},
     [BW_METRIC_CACHE_BYTES] = {"blockwright_cache_written_bytes_total", "Stage outputs filed.", BW_COUNTER, ONE, {0}, 0},
+    [BW_METRIC_CACHE_SIZE] = {"blockwright_cache_bytes", "Stage outputs that are kept.", BW_GAUGE, ONE, {0}, 0},
+    [BW_METRIC_COLLECTED] = {"blockwright_collected_total", "What retention has removed.", BW_COUNTER, ONE, {&by_keep}, 0},
+    [BW_METRIC_COLLECTED_BYTES] = {"blockwright_collected_bytes_total", "Bytes of the outputs and blobs among it.", BW_COUNTER, ONE, {&by_keep}, 0},
     [BW_METRIC_UPLOAD_BYTES] = {"blockwright_upload_bytes_total", "Bytes of uploads received.", BW_COUNTER, ONE, {0}, 0},
     [BW_METRIC_REQUESTS] = {"blockwright_http_requests_total", "Requests answered.", BW_COUNTER, ONE, {&by_operation, &by_class}, 0},
     [BW_METRIC_REQUEST_SECONDS] = {"blockwright_http_request_seconds", "From a request's headers to the end of its answer.", BW_HISTOGRAM, US,

@@ -30,6 +30,9 @@ typedef enum {
     BW_METRIC_CACHE_HITS,       /* by stage */
     BW_METRIC_CACHE_MISSES,     /* by stage */
     BW_METRIC_CACHE_BYTES,      /* written */
+    BW_METRIC_CACHE_SIZE,       /* bytes of all outputs */
+    BW_METRIC_COLLECTED,        /* by bw_keep_kind */
+    BW_METRIC_COLLECTED_BYTES,  /* by bw_keep_kind: outputs and blobs */
     BW_METRIC_UPLOAD_BYTES,     /* received */
     BW_METRIC_REQUESTS,         /* by bw_op (BW_OP_COUNT: none), by class: status / 100 - 1 */
     BW_METRIC_REQUEST_SECONDS,  /* by bw_op, in us */

@@ -12,13 +12,16 @@
 #include <unistd.h>
 
 #include "server/files.h"
+#include "server/log.h"
 #include "server/metrics.h"
 
 enum { RESULTS_MOST = 1000, NAME_MOST = 100 };
 
 struct bw_store {
     char root[PATH_MAX - 256];
-    atomic_uint uploads; /* numbers the temporaries */
+    atomic_uint uploads;   /* numbers the temporaries */
+    atomic_uint discarded; /* numbers what was taken out of its place */
+    unsigned emptied;      /* as many of these are deleted */
 };
 
 struct bw_upload {
@@ -198,34 +201,116 @@ bw_status bw_store_drop_cached(bw_store *store, const char *key) {
     return bw_remove_tree(path);
 }
 
-static bw_status sweep_folder(bw_store *store, const char *path, bool (*known)(void *, const char *), void *user,
-                              int *dropped) {
+bool bw_store_has_blob(const bw_store *store, const char *sha256) {
+    char path[PATH_MAX];
+    blob_path(store, sha256, path);
+    return access(path, F_OK) == 0;
+}
+
+/* ---- what goes ---- */
+
+static void discarded_path(const bw_store *store, unsigned number, char path[PATH_MAX]) {
+    snprintf(path, PATH_MAX, "%s/tmp/gone.%u", store->root, number);
+}
+
+static void discard(bw_store *store, const char *path) {
+    char to[PATH_MAX];
+    discarded_path(store, atomic_fetch_add(&store->discarded, 1), to);
+    if (rename(path, to) != 0 && errno != ENOENT) bw_event(BW_WARN, "store.discard", "errno=%d", errno); /* without its row: swept at the next start */
+}
+
+void bw_store_discard_cached(bw_store *store, const char *key) {
+    char path[PATH_MAX];
+    cache_path(store, key, path);
+    discard(store, path);
+}
+
+void bw_store_discard_blob(bw_store *store, const char *sha256) {
+    char path[PATH_MAX];
+    blob_path(store, sha256, path);
+    discard(store, path);
+}
+
+void bw_store_empty_discarded(bw_store *store) {
+    char path[PATH_MAX];
+    for (unsigned end = atomic_load(&store->discarded); store->emptied != end; store->emptied++) {
+        discarded_path(store, store->emptied, path);
+        bw_remove_tree(path);
+    }
+}
+
+/* ---- all entries ---- */
+
+typedef struct {
+    bw_store *store;
+    bw_status (*visit)(void *user, const char *name, const char *path);
+    void *user;
+} walk;
+
+static bw_status walk_folder(const walk *w, const char *path) {
     bw_status status = BW_OK;
     DIR *folder = opendir(path);
     if (!folder) return BW_E_IO;
     for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
-        if (!bw_is_sha256(e->d_name) || known(user, e->d_name)) continue;
-        status = bw_store_drop_cached(store, e->d_name);
-        ++*dropped;
+        char entry[PATH_MAX];
+        if (!bw_is_sha256(e->d_name)) continue;
+        if (snprintf(entry, sizeof entry, "%.3800s/%.64s", path, e->d_name) > 0) status = w->visit(w->user, e->d_name, entry);
     }
     closedir(folder);
     return status;
 }
 
-bw_status bw_store_sweep_cache(bw_store *store, bool (*known)(void *, const char *), void *user, int *dropped) {
+/* Visits all entries of DATA/<kind>/xx/. */
+static bw_status walk_entries(const walk *w, const char *kind) {
     bw_status status = BW_OK;
     char path[PATH_MAX];
-    *dropped = 0;
-    snprintf(path, sizeof path, "%s/cache", store->root);
+    snprintf(path, sizeof path, "%s/%s", w->store->root, kind);
     DIR *folder = opendir(path);
     if (!folder) return BW_E_IO;
     for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
         if (strspn(e->d_name, "0123456789abcdef") != 2 || e->d_name[2]) continue;
-        snprintf(path, sizeof path, "%s/cache/%.2s", store->root, e->d_name);
-        status = sweep_folder(store, path, known, user, dropped);
+        snprintf(path, sizeof path, "%s/%s/%.2s", w->store->root, kind, e->d_name);
+        status = walk_folder(w, path);
     }
     closedir(folder);
     return status;
+}
+
+typedef struct {
+    bool (*known)(void *user, const char *name);
+    void *user;
+    int dropped;
+} sweep;
+
+static bw_status sweep_entry(void *user, const char *name, const char *path) {
+    sweep *s = user;
+    if (s->known(s->user, name)) return BW_OK;
+    s->dropped++;
+    return bw_remove_tree(path);
+}
+
+bw_status bw_store_sweep_cache(bw_store *store, bool (*known)(void *, const char *), void *user, int *dropped) {
+    sweep s = {known, user, 0};
+    bw_status status = walk_entries(&(walk){store, sweep_entry, &s}, "cache");
+    *dropped = s.dropped;
+    return status;
+}
+
+typedef struct {
+    void (*visit)(void *user, const char *sha256, uint64_t bytes);
+    void *user;
+} listing;
+
+static bw_status list_entry(void *user, const char *name, const char *path) {
+    const listing *l = user;
+    struct stat st;
+    if (lstat(path, &st) == 0 && S_ISREG(st.st_mode)) l->visit(l->user, name, (uint64_t)st.st_size);
+    return BW_OK;
+}
+
+bw_status bw_store_each_blob(bw_store *store, void (*visit)(void *, const char *, uint64_t), void *user) {
+    listing l = {visit, user};
+    return walk_entries(&(walk){store, list_entry, &l}, "blobs");
 }
 
 static void log_path(const bw_store *store, const char *job, char path[PATH_MAX]) {
@@ -242,6 +327,31 @@ void bw_store_drop_log(const bw_store *store, const char *job) {
     char path[PATH_MAX];
     log_path(store, job, path);
     unlink(path);
+}
+
+void bw_store_discard_log(bw_store *store, const char *job) {
+    char path[PATH_MAX];
+    log_path(store, job, path);
+    discard(store, path);
+}
+
+bw_status bw_store_sweep_logs(bw_store *store, bool (*known)(void *, const char *), void *user, int *dropped) {
+    char path[PATH_MAX];
+    *dropped = 0;
+    snprintf(path, sizeof path, "%s/logs", store->root);
+    DIR *folder = opendir(path);
+    if (!folder) return BW_E_IO;
+    for (struct dirent *e; (e = readdir(folder));) {
+        char job[64];
+        size_t n = strlen(e->d_name);
+        if (n < 5 || n - 4 >= sizeof job || strcmp(e->d_name + n - 4, ".log") != 0) continue;
+        snprintf(job, sizeof job, "%.*s", (int)(n - 4), e->d_name);
+        if (known(user, job)) continue;
+        bw_store_drop_log(store, job);
+        ++*dropped;
+    }
+    closedir(folder);
+    return BW_OK;
 }
 
 int bw_store_open_log(const bw_store *store, const char *job, uint64_t *bytes) {

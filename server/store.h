@@ -53,12 +53,21 @@ int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *byte
 int bw_store_open_cached(const bw_store *store, const char *key, const char *name, uint64_t *bytes);
 bool bw_store_has_cached(const bw_store *store, const char *key);
 bw_status bw_store_drop_cached(bw_store *store, const char *key);
+bool bw_store_has_blob(const bw_store *store, const char *sha256);
+/* Takes the entry out of its place at once, by a rename, and deletes it in the next bw_store_empty_discarded (or at the next start). */
+void bw_store_discard_cached(bw_store *store, const char *key);
+void bw_store_discard_blob(bw_store *store, const char *sha256);
+void bw_store_discard_log(bw_store *store, const char *job);
+void bw_store_empty_discarded(bw_store *store); /* by one thread at a time */
+bw_status bw_store_each_blob(bw_store *store, void (*visit)(void *user, const char *sha256, uint64_t bytes), void *user);
 /* Calls `known` for every key in the cache and deletes the entries for which it says no. */
 bw_status bw_store_sweep_cache(bw_store *store, bool (*known)(void *user, const char *key), void *user, int *dropped);
 
 /* A descriptor to append to the job's log / to read it (-1: nothing logged yet). */
 int bw_store_append_log(const bw_store *store, const char *job);
 void bw_store_drop_log(const bw_store *store, const char *job);
+/* Deletes the logs of jobs for which `known` says no. */
+bw_status bw_store_sweep_logs(bw_store *store, bool (*known)(void *user, const char *job), void *user, int *dropped);
 int bw_store_open_log(const bw_store *store, const char *job, uint64_t *bytes);
 
 /* The folder of an attempt: a fresh empty one, open for the worker; the worker writes "out" in it. */

@@ -199,12 +199,14 @@ bool bw_http_owner_wanted(bw_request *r, const char **owner) {
 
 /* ---- blobs ---- */
 
-int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes) {
-    bool owns = r->caller.open; /* then also what was uploaded before blobs had owners */
-    bw_status status = owns ? BW_OK : bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns);
-    if (status == BW_OK && owns) return bw_store_open_blob(r->services->store, sha256, bytes);
-    errno = status == BW_OK ? ENOENT : EIO;
-    return -1;
+bool bw_http_has_blob(void *store, const char *sha256) { return bw_store_has_blob(store, sha256); }
+
+int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes, bool *fresh) {
+    bool open = r->caller.open, owns; /* open: then also what was uploaded before blobs had owners */
+    int64_t used, keep = (int64_t)r->services->config->keep_blobs_seconds * 1000;
+    if (bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns, &used) != BW_OK) owns = false;
+    *fresh = owns && (!keep || used >= bw_now_ms() - keep / 2);
+    return owns || open ? bw_store_open_blob(r->services->store, sha256, bytes) : -1;
 }
 
 typedef struct {
@@ -218,6 +220,7 @@ static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, 
 static void kept(bw_request *r) {
     keeping *k = r->state;
     if (r->written != BW_OK) bw_reply_storage(r);
+    else if (k->row.lacking) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "the blob %s is gone; upload it again", k->sha256);
     else if (!k->row.fits) bw_http_reply_too_large(r, k->row.in_force.bytes);
     else k->then(r);
 }
@@ -240,7 +243,7 @@ void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (
     memcpy(k->owner, r->caller.owner, sizeof k->owner);
     snprintf(k->sha256, sizeof k->sha256, "%s", sha256);
     k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms(),
-                           .limits.bytes = (int64_t)r->services->config->owner_bytes};
+                           .limits.bytes = (int64_t)r->services->config->owner_bytes, .present = bw_http_has_blob, .user = r->services->store};
     k->then = then;
     r->state = k;
     r->state_free = free;

@@ -30,24 +30,26 @@ static bool take_bytes(bw_request *r, const char *data, size_t size) {
 void bw_http_blob_begin(bw_request *r) {
     const bw_services *s = r->services;
     uint64_t bytes;
-    int fd;
+    bool fresh = true;
+    int fd = -1;
     if (!is_hash(r)) return;
     if (!r->has_length) {
         bw_reply_problem(r, BW_PROBLEM_LENGTH_REQUIRED, "an upload must say its Content-Length");
     } else if (r->length > s->config->max_upload) {
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes",
                          (unsigned long long)s->config->max_upload);
-    } else if ((fd = bw_http_open_blob(r, r->parameters[0], &bytes)) >= 0) {
+    } else if ((fd = bw_http_open_blob(r, r->parameters[0], &bytes, &fresh)) >= 0 && fresh) {
         close(fd);
         bw_reply_json(r, 200, blob_json(r->parameters[0], bytes));
     } else if (bw_store_room(s->store) < r->length + BW_ROOM_KEPT) {
         bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more",
                          (unsigned long long)r->length);
-    } else if (bw_http_blob_fits(r, r->length) && bw_upload_begin(s->store, &r->upload) != BW_OK) {
+    } else if ((fd >= 0 || bw_http_blob_fits(r, r->length)) && bw_upload_begin(s->store, &r->upload) != BW_OK) {
         bw_reply_storage(r);
     } else {
-        r->take = take_bytes;
+        r->take = take_bytes; /* also of what is there, but may soon be collected: it comes anew, with a long time to live */
     }
+    if (fd >= 0 && !fresh) close(fd);
 }
 
 static void stored(bw_request *r) {
@@ -93,11 +95,22 @@ void bw_http_blob_put(bw_request *r) {
     bw_request_offload(r, finish, finished);
 }
 
-void bw_http_blob_head(bw_request *r) {
+static void reply_head(bw_request *r) {
     uint64_t bytes;
-    if (!is_hash(r)) return;
-    int fd = bw_http_open_blob(r, r->parameters[0], &bytes);
+    bool fresh;
+    int fd = bw_http_open_blob(r, r->parameters[0], &bytes, &fresh);
     if (fd < 0 && errno != ENOENT) bw_reply_storage(r);
     else if (fd < 0) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "no blob %s has been uploaded", r->parameters[0]);
     else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .media_type = "application/octet-stream", .sha256 = r->parameters[0]});
+}
+
+/* Who asks is about to name it: one that may soon be collected is noted as used. */
+void bw_http_blob_head(bw_request *r) {
+    uint64_t bytes;
+    bool fresh;
+    if (!is_hash(r)) return;
+    int fd = bw_http_open_blob(r, r->parameters[0], &bytes, &fresh);
+    if (fd >= 0) close(fd);
+    if (fd >= 0 && !fresh) bw_http_keep_blob(r, r->parameters[0], bytes, reply_head);
+    else reply_head(r);
 }

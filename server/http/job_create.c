@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "server/clock.h"
+#include "server/http/access.h"
 #include "server/http/job_read.h"
 #include "server/http/reply.h"
 #include "server/log.h"
@@ -126,6 +127,8 @@ static void submit_jobs(bw_request *r, void (*then)(bw_request *)) {
         bw_reply_json(r, 500, NULL);
         return;
     }
+    s->submit.present = bw_http_has_blob;
+    s->submit.user = r->services->store;
     if (*s->key) s->submit.key = s->key, s->submit.digest = s->digest, s->submit.answer = s->answer;
     bw_request_write(r, write_submission, then);
 }
@@ -159,6 +162,9 @@ static json_t *accepted(bw_request *r) {
         return NULL;
     case BW_SUBMIT_TOO_MANY: bw_http_reply_too_many(r, s->in_force.queued); return NULL;
     case BW_SUBMIT_TOO_LARGE: bw_http_reply_too_large(r, s->in_force.bytes); return NULL;
+    case BW_SUBMIT_NO_BLOB:
+        bw_reply_problem(r, BW_PROBLEM_UNKNOWN_INPUT, "upload the input first: PUT /v1/blobs/%s", s->jobs[s->lacking].input);
+        return NULL;
     }
     json_t *ids = json_array();
     for (size_t i = 0; i < s->count; i++) {

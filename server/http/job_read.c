@@ -47,10 +47,11 @@ static bool check_members(const reading *x, json_t *body) {
 static bool read_blob(const reading *x, const json_t *body, const char *member, char hash[BW_SHA256_TEXT], int64_t *bytes) {
     const char *text = json_string_value(json_object_get(body, member));
     uint64_t size;
+    bool fresh;
     if (!text || !bw_is_sha256(text))
         return refuse(x, BW_PROBLEM_BAD_JSON, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
     memcpy(hash, text, BW_SHA256_TEXT);
-    int fd = bw_http_open_blob(x->request, hash, &size);
+    int fd = bw_http_open_blob(x->request, hash, &size, &fresh);
     if (fd < 0 && errno != ENOENT) return refuse(x, BW_PROBLEM_IO, "the daemon's storage failed"); /* it may be there */
     if (fd < 0) return refuse(x, BW_PROBLEM_UNKNOWN_INPUT, "upload the %s first: PUT /v1/blobs/%s", member, hash);
     close(fd);

@@ -36,14 +36,15 @@ static bw_status advance(bw_writer *w, void *user) {
     bw_status status =
         bw_sql_run(&w->sql, &e->changes, "UPDATE jobs SET open = 0, tries = 0, interruptions = 0, due = 0, stage = stage + 1,"
                    " state = CASE WHEN stage + 1 >= stage_count THEN 2 ELSE 1 END,"
-                   " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?,"
-                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE NOT_CANCELLED, "isisi", e->now,
-                   e->made->manifest ? e->made->key : "", (int64_t)e->made->cut, e->id, (int64_t)e->attempt);
+                   " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?, state_key = ?,"
+                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE NOT_CANCELLED, "issisi", e->now,
+                   e->made->manifest ? e->made->key : "", e->made->key, (int64_t)e->made->cut, e->id, (int64_t)e->attempt);
     if (status != BW_OK || !e->changes) return status;
     status = bw_sql_number(&w->sql, &state, 0, "SELECT state FROM jobs WHERE id = ?", "s", e->id);
     if (status == BW_OK) status = close_attempt(w, e, state == BW_JOB_SUCCESSFUL ? "successful" : "done");
-    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT OR REPLACE INTO outputs (key, bytes, manifest, need, created, used)"
-                                        " VALUES (?1, ?2, ?3, ?4, ?5, ?5)", "sisii", e->made->key, (int64_t)e->made->bytes,
+    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT INTO outputs (key, bytes, manifest, need, created, used)"
+                                        " VALUES (?1, ?2, ?3, ?4, ?5, ?5) ON CONFLICT (key) DO UPDATE SET bytes = excluded.bytes,"
+                                        " manifest = excluded.manifest, need = excluded.need, created = excluded.created, used = excluded.used", "sisii", e->made->key, (int64_t)e->made->bytes,
                                         e->made->manifest, (int64_t)e->made->need, e->now) : status;
 }
 
@@ -179,17 +180,30 @@ bw_status bw_write_restart(bw_writer *w, void *user) {
 }
 
 /* Tags and events go by trigger. */
+bw_status bw_job_drop(bw_writer *w, const char *id, const char *owner, int64_t seq, int64_t now) {
+    bw_status status = bw_sql_run(&w->sql, NULL, "DELETE FROM attempts WHERE job = ?", "s", id);
+    if (status == BW_OK) status = bw_sql_run(&w->sql, NULL, "DELETE FROM jobs WHERE seq = ?", "i", seq);
+    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT INTO gone (id, owner, at) VALUES (?, ?, ?)", "ssi", id, owner, now) : status;
+}
+
 bw_status bw_write_delete(bw_writer *w, void *user) {
     bw_change *c = user;
     standing s;
     bw_status status = look(w, c->id, &s);
     c->result = s.state < 0 ? BW_CHANGE_UNKNOWN : has_ended(&s) ? BW_CHANGE_DONE : BW_CHANGE_TOO_EARLY;
     if (status != BW_OK || c->result != BW_CHANGE_DONE) return status;
-    status = bw_sql_run(&w->sql, NULL, "DELETE FROM attempts WHERE job = ?", "s", c->id);
-    if (status == BW_OK) status = bw_sql_run(&w->sql, NULL, "DELETE FROM jobs WHERE seq = ?", "i", s.seq);
-    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT INTO gone (id, owner, at) VALUES (?, ?, ?)", "ssi", c->id, s.owner,
-                                        c->now) : status;
+    return bw_job_drop(w, c->id, s.owner, s.seq, c->now);
 }
+
+static bw_status set_pinned(bw_writer *w, bw_change *c, int64_t pinned) {
+    int n;
+    bw_status status = bw_sql_run(&w->sql, &n, "UPDATE jobs SET pinned = ? WHERE id = ?", "is", pinned, c->id);
+    c->result = n ? BW_CHANGE_DONE : BW_CHANGE_UNKNOWN;
+    return status;
+}
+
+bw_status bw_write_pin(bw_writer *w, void *change) { return set_pinned(w, change, 1); }
+bw_status bw_write_unpin(bw_writer *w, void *change) { return set_pinned(w, change, 0); }
 
 bw_status bw_queue_cancel(bw_queue *q, const char *id, int64_t now, bw_cancel *result) {
     bw_change c = {.id = id, .now = now};

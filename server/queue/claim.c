@@ -54,9 +54,12 @@ bw_status bw_queue_next_due(bw_queue *q, int64_t now, int64_t *due) {
 
 /* ---- the two ways to take a turn ---- */
 
+enum { USED_COARSE_MS = 60000 }; /* how exact the last use of an output is known */
+
 typedef struct {
     bw_job *job;
-    const char *result_key;
+    const char *key; /* of a reused output */
+    bool results;
     int64_t now;
     int changes;
 } taking;
@@ -88,7 +91,7 @@ static bw_status claim(bw_writer *w, void *user) {
 }
 
 bw_status bw_queue_claim(bw_queue *q, bw_job *job, int64_t now, bool *done) {
-    taking t = {job, NULL, now, 0};
+    taking t = {.job = job, .now = now};
     bw_status status = bw_queue_write(q, claim, &t);
     *done = status == BW_OK && t.changes == 1;
     if (*done) {
@@ -105,15 +108,18 @@ static bw_status reuse(bw_writer *w, void *user) {
     bool last = is_last(t->job);
     bw_status status =
         bw_sql_run(&w->sql, &t->changes, "UPDATE jobs SET state = ?, attempt = attempt + 1, tries = 0, interruptions = 0, due = 0,"
-                   " stage = stage + 1, finished = ?, result_key = ?, started = CASE started WHEN 0 THEN ? ELSE started END"
-                   " WHERE id = ? AND attempt = ? AND open = 0 AND state IN (0, 1)", "iisisi",
-                   (int64_t)(last ? BW_JOB_SUCCESSFUL : BW_JOB_RUNNING), last ? t->now : (int64_t)0, t->result_key, t->now,
-                   t->job->id, (int64_t)t->job->attempt);
-    return status == BW_OK && t->changes ? add_attempt(w, t, true) : status;
+                   " stage = stage + 1, finished = ?, result_key = ?, state_key = ?, started = CASE started WHEN 0 THEN ? ELSE started END"
+                   " WHERE id = ? AND attempt = ? AND open = 0 AND state IN (0, 1) AND (?4 = '' OR EXISTS (SELECT 1 FROM outputs WHERE key = ?4))",
+                   "iissisi", (int64_t)(last ? BW_JOB_SUCCESSFUL : BW_JOB_RUNNING), last ? t->now : (int64_t)0,
+                   t->results ? t->key : "", t->key, t->now, t->job->id, (int64_t)t->job->attempt);
+    if (status == BW_OK && t->changes) status = add_attempt(w, t, true);
+    if (status != BW_OK || !t->changes) return status;
+    return bw_sql_run(&w->sql, NULL, "UPDATE outputs SET used = ? WHERE key = ? AND used < ?", "isi", t->now, t->key,
+                      t->now - USED_COARSE_MS);
 }
 
-bw_status bw_queue_reuse(bw_queue *q, bw_job *job, const char *result_key, int64_t now, bool *done) {
-    taking t = {job, result_key, now, 0};
+bw_status bw_queue_reuse(bw_queue *q, bw_job *job, const char *key, bool results, int64_t now, bool *done) {
+    taking t = {.job = job, .key = key, .results = results, .now = now};
     bool last = is_last(job);
     bw_status status = bw_queue_write(q, reuse, &t);
     *done = status == BW_OK && t.changes == 1;
@@ -123,5 +129,20 @@ bw_status bw_queue_reuse(bw_queue *q, bw_job *job, const char *result_key, int64
         job->stage++;
         job->tries = 0;
     }
+    return status;
+}
+
+static bw_status go_back(bw_writer *w, void *user) {
+    taking *t = user;
+    bw_status status = bw_sql_run(&w->sql, &t->changes, "UPDATE jobs SET stage = 0, state_key = '', tries = 0 WHERE id = ? AND attempt = ?"
+                                  " AND open = 0 AND state IN (0, 1)", "si", t->job->id, (int64_t)t->job->attempt);
+    return status == BW_OK && t->changes ? bw_event_add(w, t->job->id, "rewound", NULL, t->now, NULL) : status;
+}
+
+bw_status bw_queue_rewind(bw_queue *q, bw_job *job, int64_t now, bool *done) {
+    taking t = {.job = job, .now = now};
+    bw_status status = bw_queue_write(q, go_back, &t);
+    *done = status == BW_OK && t.changes == 1;
+    if (*done) job->stage = job->tries = 0;
     return status;
 }

@@ -30,6 +30,8 @@
  *     running, open     dismissed          bw_queue_recover   ... with a cancel noted; a finish noted stays so through all of these
  *     failed, dismissed queued             bw_queue_restart   tries, cancel and finish start anew; attempts go on counting
  *     ended             -                  bw_queue_delete    its id stays in `gone`
+ *     queued, running   the same           bw_queue_rewind    begins again at stage 0
+ *     successful, queued failed            bw_queue_mend      at start: files are gone (retention.h)
  */
 #ifndef BW_SERVER_QUEUE_H
 #define BW_SERVER_QUEUE_H
@@ -132,17 +134,21 @@ typedef enum {
     BW_SUBMIT_KNOWN,    /* the key was used with this digest: `stored` is the answer given then */
     BW_SUBMIT_CONFLICT, /* the key was used with another digest */
     BW_SUBMIT_TOO_MANY, /* queued */
-    BW_SUBMIT_TOO_LARGE /* bytes */
+    BW_SUBMIT_TOO_LARGE, /* bytes */
+    BW_SUBMIT_NO_BLOB    /* a blob that a job names has gone meanwhile */
 } bw_submit_result;
 
 /* Jobs of one owner, accepted all or none. Uses of each job: id, name, input, parameters, options, stage_count, created,
- * owner, priority, tags, input_bytes, parameters_bytes; sets seq. Everything is borrowed. */
+ * owner, priority, pinned, tags, input_bytes, parameters_bytes; sets seq. Everything is borrowed. */
 typedef struct {
     bw_job *jobs;
     size_t count;                      /* at least 1 */
     const char *key, *digest, *answer; /* Idempotency-Key (NULL: none), digest of the request, what to keep for next time */
     bw_limits limits, in_force; /* given; with those of the owner's own */
+    bool (*present)(void *user, const char *sha256); /* is the blob's file there? Asked in the writer thread (retention.h); NULL: not asked */
+    void *user;
     bw_submit_result result;
+    size_t lacking; /* BW_SUBMIT_NO_BLOB: of which job */
     char *stored; /* owned by the caller */
 } bw_submit;
 bw_status bw_write_submit(bw_writer *writer, void *submit);
@@ -214,8 +220,10 @@ bw_status bw_queue_next_due(bw_queue *queue, int64_t now, int64_t *due); /* when
 
 /* On success (*done) the fields of `job` are brought up to date. */
 bw_status bw_queue_claim(bw_queue *queue, bw_job *job, int64_t now, bool *done);
-/* `result_key` is the stage's cache key if the job's results are in it, else "". */
-bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *result_key, int64_t now, bool *done);
+/* `key`: of the stage's output, which has to have a row still, or nothing is *done ("": one that is not kept). `results`: the job's are in it. */
+bw_status bw_queue_reuse(bw_queue *queue, bw_job *job, const char *key, bool results, int64_t now, bool *done);
+/* What the job's next stage was to read is gone from the cache: the job, which waits, begins again and takes what is there still. */
+bw_status bw_queue_rewind(bw_queue *queue, bw_job *job, int64_t now, bool *done);
 
 /* The cache entry that a stage has made. */
 typedef struct {
@@ -257,6 +265,9 @@ bw_status bw_write_cancel(bw_writer *writer, void *change);
 bw_status bw_write_finish(bw_writer *writer, void *change);
 bw_status bw_write_restart(bw_writer *writer, void *change); /* back into the queue, at the stage it had come to */
 bw_status bw_write_delete(bw_writer *writer, void *change);  /* rows only; files are the store's */
+
+bw_status bw_write_pin(bw_writer *writer, void *change);     /* whatever its state: it is not removed by age; DONE or UNKNOWN */
+bw_status bw_write_unpin(bw_writer *writer, void *change);
 
 typedef enum { BW_CANCEL_DISMISSED, BW_CANCEL_NOTED, BW_CANCEL_TOO_LATE, BW_CANCEL_UNKNOWN } bw_cancel;
 bw_status bw_queue_cancel(bw_queue *queue, const char *id, int64_t now, bw_cancel *result);
@@ -305,10 +316,12 @@ typedef struct {
     const char *owner, *sha256; /* borrowed */
     int64_t bytes, now;
     bw_limits limits, in_force;
-    bool fits; /* else nothing is noted */
+    bool (*present)(void *user, const char *sha256); /* as with bw_submit */
+    void *user;
+    bool fits, lacking; /* it does not fit, it is not there (any more): nothing is noted */
 } bw_new_blob;
 bw_status bw_write_blob(bw_writer *writer, void *blob);
-/* Has the owner uploaded it? */
-bw_status bw_queue_owns_blob(bw_queue *queue, const char *owner, const char *sha256, bool *owns);
+/* Has the owner uploaded it, and when was that or its last use? */
+bw_status bw_queue_owns_blob(bw_queue *queue, const char *owner, const char *sha256, bool *owns, int64_t *used);
 
 #endif

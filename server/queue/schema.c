@@ -90,7 +90,25 @@ static const char *const migrations[] = {
 
     /* 6: limits of owners of their own. -1: as configured; no limit is the largest number. */
     "CREATE TABLE quotas (owner TEXT PRIMARY KEY, queued INTEGER NOT NULL, running INTEGER NOT NULL, bytes INTEGER NOT NULL)"
-    " WITHOUT ROWID;"};
+    " WITHOUT ROWID;",
+
+    /* 7: what may go. state_key is the output that the job's next stage reads; a job that was on its way begins again and takes
+     * what is in the cache. totals: bytes of all outputs. */
+    "ALTER TABLE jobs ADD COLUMN state_key TEXT NOT NULL DEFAULT '';"
+    "UPDATE jobs SET stage = 0 WHERE state < 2 AND stage > 0;"
+    "CREATE INDEX jobs_expiring ON jobs(state, finished) WHERE state > 1 AND pinned = 0;"
+    "CREATE INDEX jobs_by_result ON jobs(result_key) WHERE result_key <> '';"
+    "CREATE INDEX jobs_by_state_key ON jobs(state_key) WHERE state < 2 AND state_key <> '';"
+    "CREATE INDEX jobs_by_input ON jobs(input, owner);"
+    "CREATE INDEX jobs_by_parameters ON jobs(parameters, owner) WHERE parameters <> '';"
+    "CREATE TABLE totals (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
+    "INSERT INTO totals SELECT 'cache', ifnull(sum(bytes), 0) FROM outputs;"
+    "CREATE TRIGGER outputs_added AFTER INSERT ON outputs BEGIN"
+    " UPDATE totals SET value = value + new.bytes WHERE name = 'cache'; END;"
+    "CREATE TRIGGER outputs_changed AFTER UPDATE OF bytes ON outputs BEGIN"
+    " UPDATE totals SET value = value + new.bytes - old.bytes WHERE name = 'cache'; END;"
+    "CREATE TRIGGER outputs_removed AFTER DELETE ON outputs BEGIN"
+    " UPDATE totals SET value = value - old.bytes WHERE name = 'cache'; END;"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which indexes and triggers above spell out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&

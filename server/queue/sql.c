@@ -40,7 +40,7 @@ void bw_sql_close(bw_sql *sql) {
 }
 
 static sqlite3_stmt *find(bw_sql *sql, const char *text) {
-    size_t at = (size_t)((uintptr_t)text * UINT64_C(0x9e3779b97f4a7c15) >> 57) % BW_SQL_STATEMENTS_MOST;
+    size_t at = (size_t)((uintptr_t)text * UINT64_C(0x9e3779b97f4a7c15) >> 56) % BW_SQL_STATEMENTS_MOST;
     for (size_t n = 0; n < BW_SQL_STATEMENTS_MOST; n++, at = (at + 1) % BW_SQL_STATEMENTS_MOST) {
         if (sql->known[at].text == text) return sql->known[at].statement;
         if (sql->known[at].text) continue;

@@ -14,7 +14,7 @@
 
 #include "base/status.h"
 
-enum { BW_SQL_STATEMENTS_MOST = 128 };
+enum { BW_SQL_STATEMENTS_MOST = 256 };
 
 typedef struct bw_sql {
     sqlite3 *db;

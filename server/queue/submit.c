@@ -35,9 +35,9 @@ static bw_status check_limits(bw_writer *w, bw_submit *s) {
 static bw_status insert(bw_writer *w, bw_job *job) {
     bw_sql *sql = &w->sql;
     bw_status status = bw_sql_run(sql, NULL, "INSERT INTO jobs (id, name, input, parameters, options, state, stage_count, created,"
-                                  " owner, priority, limits) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?, ?)", "sssssiisis", job->id, job->name,
+                                  " owner, priority, limits, pinned) VALUES (?, ?, ?, ?, ?, 0, ?, ?, ?, ?, ?, ?)", "sssssiisisi", job->id, job->name,
                                   job->input, job->parameters, job->options, (int64_t)job->stage_count, job->created, job->owner,
-                                  (int64_t)job->priority, job->limits);
+                                  (int64_t)job->priority, job->limits, (int64_t)job->pinned);
     if (status == BW_OK) job->seq = sqlite3_last_insert_rowid(sql->db);
     if (status == BW_OK && job->tags)
         status = bw_sql_run(sql, NULL, "INSERT OR IGNORE INTO tags (tag, seq) SELECT value, ?2 FROM json_each(?1)", "si", job->tags,
@@ -46,6 +46,16 @@ static bw_status insert(bw_writer *w, bw_job *job) {
     if (status == BW_OK && *job->parameters)
         status = bw_owner_use_blob(w, job->owner, job->parameters, job->parameters_bytes, job->created);
     return status == BW_OK ? bw_event_add(w, job->id, "queued", NULL, job->created, NULL) : status;
+}
+
+/* Nothing collects a blob between this and the end of the write, and from then on the job holds it. */
+static void check_blobs(bw_submit *s) {
+    for (size_t i = 0; s->present && s->result == BW_SUBMIT_ACCEPTED && i < s->count; i++) {
+        const bw_job *job = &s->jobs[i];
+        if (s->present(s->user, job->input) && (!*job->parameters || s->present(s->user, job->parameters))) continue;
+        s->result = BW_SUBMIT_NO_BLOB;
+        s->lacking = i;
+    }
 }
 
 bw_status bw_write_submit(bw_writer *w, void *user) {
@@ -58,6 +68,7 @@ bw_status bw_write_submit(bw_writer *w, void *user) {
     if (s->key) status = bw_idempotency_find(w, s->jobs->owner, s->key, s->digest, &known, &same, &s->stored);
     if (known) s->result = same ? BW_SUBMIT_KNOWN : BW_SUBMIT_CONFLICT;
     if (status == BW_OK && s->result == BW_SUBMIT_ACCEPTED) status = check_limits(w, s);
+    check_blobs(s);
     if (s->result != BW_SUBMIT_ACCEPTED) return status;
     for (size_t i = 0; status == BW_OK && i < s->count; i++) status = insert(w, &s->jobs[i]);
     if (status == BW_OK && s->key)

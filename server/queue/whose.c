@@ -17,13 +17,12 @@ bw_status bw_queue_job_owner(bw_queue *q, const char *id, char owner[BW_OWNER_TE
     return step == SQLITE_ROW || step == SQLITE_DONE ? BW_OK : BW_E_IO;
 }
 
-bw_status bw_queue_owns_blob(bw_queue *q, const char *owner, const char *sha256, bool *owns) {
-    int64_t known = 0;
+bw_status bw_queue_owns_blob(bw_queue *q, const char *owner, const char *sha256, bool *owns, int64_t *used) {
     bw_sql *reader = bw_reader_borrow(q);
-    bw_status status = reader ? bw_sql_number(reader, &known, 0, "SELECT 1 FROM blobs WHERE sha256 = ? AND owner = ?", "ss", sha256, owner)
+    bw_status status = reader ? bw_sql_number(reader, used, -1, "SELECT used FROM blobs WHERE sha256 = ? AND owner = ?", "ss", sha256, owner)
                               : BW_E_IO;
     bw_reader_return(q, reader);
-    *owns = known != 0;
+    *owns = status == BW_OK && *used >= 0;
     return status;
 }
 
@@ -33,6 +32,8 @@ bw_status bw_write_blob(bw_writer *w, void *user) {
     int64_t added;
     b->fits = true;
     b->in_force = b->limits;
+    b->lacking = b->present && !b->present(b->user, b->sha256);
+    if (b->lacking) return BW_OK;
     bw_status status = bw_owner_blob_bytes(w, b->owner, b->sha256, b->bytes, &added);
     if (status == BW_OK) status = bw_owner_limits(&w->sql, b->owner, &b->in_force);
     if (status == BW_OK && b->in_force.bytes) {

@@ -74,6 +74,9 @@ bw_status bw_event_functions(bw_sql *sql); /* stage_name(n) and state_name(n) fo
     " (SELECT json_group_array(tag) FROM (SELECT tag FROM tags WHERE tags.seq = jobs.seq ORDER BY tag)), limits "
 void bw_job_read(sqlite3_stmt *statement, bw_job *job);
 
+/* attempts.c: deletes an ended job with all its rows; its id goes to `gone`. */
+bw_status bw_job_drop(bw_writer *w, const char *id, const char *owner, int64_t seq, int64_t now);
+
 /* idempotency.c: is the key known? *stored is the answer given then, if the digest is the same. */
 bw_status bw_idempotency_find(bw_writer *w, const char *owner, const char *key, const char *digest, bool *known,
                               bool *same, char **stored);

@@ -164,7 +164,7 @@ static void a_job_is_claimed_only_once(void **state) {
     claim(&job);
     assert_int_equal(bw_queue_claim(q, &copy, 2000, &done), BW_OK);
     assert_false(done);
-    assert_int_equal(bw_queue_reuse(q, &copy, "", 2000, &done), BW_OK);
+    assert_int_equal(bw_queue_reuse(q, &copy, "", false, 2000, &done), BW_OK);
     assert_false(done);
     bw_job_clear(&copy);
     bw_job_clear(&job);

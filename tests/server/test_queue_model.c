@@ -69,7 +69,7 @@ static void do_claim(model *m, bool reuse) {
     bool done, outdated = pick(4) == 0, right = waits(m) && !outdated;
     bw_job job = {.attempt = m->attempt - outdated, .stage = m->stage, .stage_count = STAGES};
     snprintf(job.id, sizeof job.id, "%s", m->id);
-    if (reuse) assert_int_equal(bw_queue_reuse(q, &job, "", 5, &done), BW_OK);
+    if (reuse) assert_int_equal(bw_queue_reuse(q, &job, "", false, 5, &done), BW_OK);
     else assert_int_equal(bw_queue_claim(q, &job, 5, &done), BW_OK);
     assert_int_equal(done, right);
     if (!right) return;

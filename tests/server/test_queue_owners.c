@@ -64,7 +64,7 @@ static void started_then_priority_then_age_decides_among_an_owners_jobs(void **s
         jobs[i].priority = priorities[i];
         assert_int_equal(bw_queue_insert(q, &jobs[i]), BW_OK);
     }
-    assert_int_equal(bw_queue_reuse(q, &jobs[1], "", 1500, &done), BW_OK); /* has started: before all others */
+    assert_int_equal(bw_queue_reuse(q, &jobs[1], "", false, 1500, &done), BW_OK); /* has started: before all others */
     next_claim(id, 0);
     assert_string_equal(id, jobs[1].id);
     for (int i = 0; i < 4; i++) {

@@ -2,6 +2,8 @@
  * So the cost of an operation is O(log n) in the number of jobs, but for those that are about all rows and say so here. */
 #include "queue_kit.h"
 
+#include "server/queue/retention.h"
+
 #include "server/queue/writer.h"
 
 /* Statements that may look at all rows of a table. */
@@ -61,6 +63,28 @@ static void see_event(void *user, int64_t seq, const char *job, const char *kind
     (void)user, (void)seq, (void)job, (void)kind, (void)data, (void)at;
 }
 
+static void use_retention(void) {
+    const bw_policy policy = {9, 9, 9, 9, 9, 9, 1};
+    bw_job job;
+    int64_t bytes;
+    bool done;
+    put_job(&job, "a", 4);
+    assert_int_equal(bw_queue_rewind(q, &job, 1, &done), BW_OK);
+    bw_change c = {.id = job.id, .now = 1};
+    assert_int_equal(bw_queue_write(q, bw_write_pin, &c), BW_OK);
+    assert_int_equal(bw_queue_write(q, bw_write_unpin, &c), BW_OK);
+    assert_int_equal(bw_queue_has_job(q, job.id, &done), BW_OK);
+    assert_int_equal(bw_queue_adopt_blob(q, hash + 1, 1, 1, &done), BW_OK);
+    assert_int_equal(bw_queue_cache_bytes(q, &bytes), BW_OK);
+    assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 10, 0, NULL, false}, 1, &done), BW_OK);
+    for (int i = 0; i < 2 * BW_KEEP_COUNT; i++) {
+        bw_collect x = {.kind = (bw_keep_kind)(i / 2), .dry = i % 2 == 0, .policy = &policy};
+        assert_int_equal(bw_queue_collect(q, &x), BW_OK);
+    }
+    bw_job_clear(&job);
+}
+
 /* Every function of queue.h, on every path that has a statement of its own. */
 static void use_everything(void) {
     bw_job job, *list;
@@ -85,7 +109,7 @@ static void use_everything(void) {
         bw_jobs_free(list, n);
         bw_change c = {.id = job.id, .now = 1};
         assert_int_equal(bw_queue_write(q, bw_write_finish, &c), BW_OK);
-        assert_int_equal(round ? bw_queue_claim(q, &job, 1, &done) : bw_queue_reuse(q, &job, "", 1, &done), BW_OK);
+        assert_int_equal(round ? bw_queue_claim(q, &job, 1, &done) : bw_queue_reuse(q, &job, "", false, 1, &done), BW_OK);
         assert_int_equal(bw_queue_write(q, bw_write_cancel, &c), BW_OK);
         if (round == 1) assert_int_equal(bw_queue_fail(q, job.id, 1, "syntax", "{}", 2, &done), BW_OK);
         if (round == 2) assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 9, 2, &done), BW_OK);
@@ -124,6 +148,7 @@ static void use_everything(void) {
     assert_int_equal(bw_queue_sweep_outputs(q, keep, NULL, &count), BW_OK);
     assert_int_equal(bw_queue_forget_output(q, hash), BW_OK);
     assert_true(bw_queue_healthy(q));
+    use_retention();
 }
 
 static int slow_statements(const bw_sql *sql, int *statements) {
