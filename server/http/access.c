@@ -204,9 +204,12 @@ bool bw_http_has_blob(void *store, const char *sha256) { return bw_store_has_blo
 int bw_http_open_blob(const bw_request *r, const char *sha256, uint64_t *bytes, bool *fresh) {
     bool open = r->caller.open, owns; /* open: then also what was uploaded before blobs had owners */
     int64_t used, keep = (int64_t)r->services->config->keep_blobs_seconds * 1000;
-    if (bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns, &used) != BW_OK) owns = false;
+    bw_status status = bw_queue_owns_blob(r->services->queue, r->caller.owner, sha256, &owns, &used);
+    if (status != BW_OK) owns = false;
     *fresh = owns && (!keep || used >= bw_now_ms() - keep / 2);
-    return owns || open ? bw_store_open_blob(r->services->store, sha256, bytes) : -1;
+    if (owns || open) return bw_store_open_blob(r->services->store, sha256, bytes);
+    errno = status == BW_OK ? ENOENT : EIO;
+    return -1;
 }
 
 typedef struct {
