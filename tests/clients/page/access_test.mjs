@@ -6,21 +6,32 @@ const [program, folder, url, token, job] = process.argv.slice(2);
 const browser = await Browser.open(program, `${folder}/profile`, url);
 const link = `document.querySelector('#list a[href="#${job}"]')`;
 
+// The page is loaded anew when a token is entered, perhaps while it is asked.
+async function until(expression) {
+  for (;;) {
+    try {
+      return await browser.until(expression);
+    } catch (error) {
+      if (!/navigated|context/.test(error.message)) throw error;
+    }
+  }
+}
+
 async function enter(text) {
-  await browser.evaluate(`($('token').value = ${JSON.stringify(text)}, $('access').requestSubmit(), 0)`.replaceAll('$(', 'document.getElementById('));
-  await browser.until(`sessionStorage.getItem('blockwright-token') === ${JSON.stringify(text)} && document.readyState === 'complete'`);
+  await browser.evaluate(`($('token').value = ${JSON.stringify(text)}, setTimeout(() => $('access').requestSubmit()), 0)`.replaceAll('$(', 'document.getElementById('));
+  await until(`sessionStorage.getItem('blockwright-token') === ${JSON.stringify(text)} && document.readyState === 'complete'`);
 }
 
 try {
-  await browser.until(`document.getElementById('access')?.checkVisibility()`);
+  await until(`document.getElementById('access')?.checkVisibility()`);
   assert.match(await browser.evaluate(`document.getElementById('listTrouble')?.textContent`), /access token/);
   await enter('bwt_wrong');
-  await browser.until(`document.getElementById('access')?.checkVisibility() && /not valid/.test(document.getElementById('listTrouble')?.textContent)`);
+  await until(`document.getElementById('access')?.checkVisibility() && /not valid/.test(document.getElementById('listTrouble')?.textContent)`);
   await enter(token);
-  await browser.until(link);
+  await until(link);
   assert.equal(await browser.evaluate(`document.getElementById('access')?.checkVisibility()`), false);
   await browser.evaluate(`${link}.click()`);
-  await browser.until(`document.getElementById('name')?.textContent === 'NAME-OF-ALICE'`);
+  await until(`document.getElementById('name')?.textContent === 'NAME-OF-ALICE'`);
   const log = await browser.evaluate(`new Promise(resolve => {
     const create = URL.createObjectURL;
     HTMLAnchorElement.prototype.click = () => {};
