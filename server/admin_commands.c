@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "server/admin.h"
+#include "server/backup.h"
 #include "server/clock.h"
 #include "server/log.h"
 
@@ -180,7 +181,18 @@ static json_t *gc(const bw_admin_services *s, const json_t *request, char error[
                      "cache_most", (json_int_t)policy.cache_most, "held", (json_int_t)report.held, "held_bytes", (json_int_t)report.held_bytes);
 }
 
+static json_t *backup(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
+    bw_backup_report report;
+    bool files = json_is_true(json_object_get(request, "with_files"));
+    if (bw_backup_make(s->config->data, s->queue, s->retention, text_of(request, "file"), files, &report, error) != BW_OK) return NULL;
+    bw_event(BW_INFO, "backup.made", "jobs=%" PRId64 " files=%" PRId64 " bytes=%" PRId64 " missing=%" PRId64 " with_files=%d", report.jobs, report.files,
+             report.bytes, report.missing, files);
+    return json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)report.jobs, "files", (json_int_t)report.files, "bytes", (json_int_t)report.bytes,
+                     "missing", (json_int_t)report.missing);
+}
+
 const bw_admin_command bw_admin_commands[] = {
+    {"backup", backup},
     {"gc", gc},
     {"token create", token_create},
     {"token list", token_list},

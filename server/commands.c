@@ -1,4 +1,4 @@
-/* blockwrightd token ..., owner ..., gc ... : reads the words, asks the daemon (admin.h), shows what it says.
+/* blockwrightd token ..., owner ..., gc, backup, restore : reads the words, asks the daemon (admin.h), shows what it says.
  *
  * Exit codes: 0 done, 2 a mistake in the words, 5 it could not be done.
  */
@@ -10,8 +10,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "server/admin.h"
+#include "server/backup.h"
 #include "server/config.h"
 
 enum { DONE = 0, USAGE = 2, FAILED = 5 };
@@ -168,7 +170,7 @@ static int list(const bw_config *config, int argc, char **argv) {
     return DONE;
 }
 
-static int revoke(const bw_config *config, int argc, char **argv) {
+static int revoke_token(const bw_config *config, int argc, char **argv) {
     if (!nothing_else(argc, argv, 1, token_usage)) return USAGE;
     json_t *answer = ask(config, json_pack("{s:s, s:s}", "command", "token revoke", "id", argv[1]));
     if (!answer) return FAILED;
@@ -273,7 +275,7 @@ static int run_verb(int argc, char **argv, const verb *verbs, const char *usage)
 }
 
 int bw_command_token(int argc, char **argv) {
-    static const verb verbs[] = {{"create", create}, {"list", list}, {"revoke", revoke}, {NULL, NULL}};
+    static const verb verbs[] = {{"create", create}, {"list", list}, {"revoke", revoke_token}, {NULL, NULL}};
     return run_verb(argc, argv, verbs, token_usage);
 }
 
@@ -320,4 +322,56 @@ int bw_command_gc(int argc, char **argv) {
     else print_gc(answer);
     json_decref(answer);
     return DONE;
+}
+
+/* ---- backup, restore ---- */
+
+static const char backup_usage[] =
+    "usage: blockwrightd backup FILE --data DIR [--with-files]\n"
+    "\n"
+    "Copies the database to FILE while the daemon runs: everything that was accepted before is in it. FILE.manifest lists the inputs and outputs that\n"
+    "its jobs need; with --with-files they are put into FILE.files/, as hard links if that is on the same file system. The daemon writes\n"
+    "them, so it must be allowed to write there.\n";
+static const char restore_usage[] =
+    "usage: blockwrightd restore FILE --data DIR\n"
+    "\n"
+    "Makes a data folder of a backup: DIR must be new or empty. FILE.files/ is taken if it is there; inputs are checked against their hashes, and\n"
+    "those that are damaged left out. Jobs whose files are not there become failed (files-lost) when a daemon starts on DIR.\n"
+    "Exit codes: 0 all is there, 5 it could not be done, or files are missing or damaged (the folder is good otherwise).\n";
+
+/* Made absolute, for the daemon is elsewhere. */
+static bool absolute(const char *name, char path[4096]) {
+    char here[2048] = "";
+    if (*name != '/' && !getcwd(here, sizeof here)) return false;
+    return snprintf(path, 4096, "%s%s%s", here, *name == '/' ? "" : "/", name) < 3900;
+}
+
+int bw_command_backup(int argc, char **argv) {
+    static bw_config config;
+    char path[4096];
+    if (take_flag(&argc, argv, "--help")) return fputs(backup_usage, stdout) < 0;
+    bool files = take_flag(&argc, argv, "--with-files");
+    if (!load(&config, &argc, argv) || !nothing_else(argc, argv, 1, backup_usage)) return USAGE;
+    if (!absolute(argv[1], path)) return complain("the name is too long");
+    json_t *answer = ask(&config, json_pack("{s:s, s:s, s:b}", "command", "backup", "file", path, "with_files", files));
+    if (!answer) return FAILED;
+    printf("%s: %" JSON_INTEGER_FORMAT " jobs; their %" JSON_INTEGER_FORMAT " files of %" JSON_INTEGER_FORMAT " bytes %s\n", path,
+           number_of(answer, "jobs"), number_of(answer, "files"), number_of(answer, "bytes"), files ? "are in FILE.files" : "are listed in FILE.manifest");
+    json_decref(answer);
+    return DONE;
+}
+
+int bw_command_restore(int argc, char **argv) {
+    static bw_config config;
+    char error[BW_BACKUP_ERROR];
+    bw_backup_report report;
+    if (take_flag(&argc, argv, "--help")) return fputs(restore_usage, stdout) < 0;
+    if (!load(&config, &argc, argv) || !nothing_else(argc, argv, 1, restore_usage)) return USAGE;
+    if (bw_backup_restore(argv[1], config.data, &report, error) != BW_OK) {
+        complain("%s", error);
+        return FAILED;
+    }
+    printf("%s: %lld jobs, %lld files; %lld missing, %lld damaged and left out\n", config.data, (long long)report.jobs, (long long)report.files,
+           (long long)report.missing, (long long)report.damaged);
+    return report.missing || report.damaged ? FAILED : DONE;
 }

@@ -4,6 +4,8 @@
 
 int bw_command_token(int argc, char **argv); /* token create, list, revoke */
 int bw_command_gc(int argc, char **argv);
+int bw_command_backup(int argc, char **argv);
+int bw_command_restore(int argc, char **argv);
 
 int bw_command_owner(int argc, char **argv); /* owner set, list */
 

@@ -291,6 +291,8 @@ static int serve_command(int argc, char **argv) {
  * `others` takes out of its words. */
 static const command commands[] = {
     {"serve", "the daemon; also what runs without a command", serve_command},
+    {"backup", "copies everything while the daemon runs; see backup --help", bw_command_backup},
+    {"restore", "makes a data folder of a backup; see restore --help", bw_command_restore},
     {"gc", "removes what is old or too much, now, or tells what would go; see gc --help", bw_command_gc},
     {"token", "access tokens: token create, token list, token revoke; see token --help", bw_command_token},
     {"owner", "limits of owners: owner set, owner list; see owner --help", bw_command_owner},

@@ -36,6 +36,8 @@ step job_report.sh
 step job_finish.sh
 step job_cancel.sh
 step job_retry.sh
+step job_pin.sh
+step job_unpin.sh
 step job_delete.sh
 step openapi.sh
 step page.sh

@@ -60,6 +60,11 @@ static void restarted(bw_request *r) {
     reply_changed(r);
 }
 
+static void pinned(bw_request *r) {
+    outcome(r, "pin");
+    reply_changed(r);
+}
+
 /* The rows are gone for good; a log that stays behind after a crash right here belongs to nobody. */
 static void deleted(bw_request *r) {
     outcome(r, "delete");
@@ -73,4 +78,6 @@ static void deleted(bw_request *r) {
 void bw_http_job_cancel(bw_request *r) { change(r, bw_write_cancel, cancelled); }
 void bw_http_job_finish(bw_request *r) { change(r, bw_write_finish, finished); }
 void bw_http_job_retry(bw_request *r) { change(r, bw_write_restart, restarted); }
+void bw_http_job_pin(bw_request *r) { change(r, bw_write_pin, pinned); }
+void bw_http_job_unpin(bw_request *r) { change(r, bw_write_unpin, pinned); }
 void bw_http_job_delete(bw_request *r) { change(r, bw_write_delete, deleted); }

@@ -32,7 +32,7 @@ static bool refuse(const reading *x, bw_problem problem, const char *format, ...
 }
 
 static bool check_members(const reading *x, json_t *body) {
-    static const char *const members[] = {"input", "parameters", "name", "options", "limits", "priority", "tags"};
+    static const char *const members[] = {"input", "parameters", "name", "options", "limits", "priority", "pinned", "tags"};
     const char *key;
     json_t *value;
     json_object_foreach(body, key, value) {
@@ -74,6 +74,13 @@ static bool read_priority(const reading *x, const json_t *body, bw_job *job) {
     if (priority && (!json_is_integer(priority) || value < -BW_PRIORITY_MOST || value > BW_PRIORITY_MOST))
         return refuse(x, BW_PROBLEM_BAD_JSON, "'priority' must be a whole number from %d to %d", -BW_PRIORITY_MOST, BW_PRIORITY_MOST);
     job->priority = (int)value;
+    return true;
+}
+
+static bool read_pinned(const reading *x, const json_t *body, bw_job *job) {
+    const json_t *pinned = json_object_get(body, "pinned");
+    if (pinned && !json_is_boolean(pinned)) return refuse(x, BW_PROBLEM_BAD_JSON, "'pinned' must be true or false");
+    job->pinned = json_is_true(pinned);
     return true;
 }
 
@@ -122,7 +129,7 @@ static bool read_options(const reading *x, const json_t *body, bw_job *job) {
 bool bw_http_read_job(bw_request *r, json_t *body, const char *place, bw_job *job) {
     const reading x = {r, place};
     if (!json_is_object(body)) return refuse(&x, BW_PROBLEM_BAD_JSON, "a job is an object");
-    return check_members(&x, body) && read_name(&x, body, job) && read_priority(&x, body, job) && read_tags(&x, body, job) &&
+    return check_members(&x, body) && read_name(&x, body, job) && read_priority(&x, body, job) && read_pinned(&x, body, job) && read_tags(&x, body, job) &&
            read_options(&x, body, job) && read_limits(&x, body, job) && read_blob(&x, body, "input", job->input, &job->input_bytes) &&
            (!json_object_get(body, "parameters") || read_blob(&x, body, "parameters", job->parameters, &job->parameters_bytes));
 }

@@ -63,6 +63,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     if (*job->owner) json_object_set_new(o, "owner", json_string(job->owner));
     if (job->name) json_object_set_new(o, "name", json_string(job->name));
     json_object_set_new(o, "priority", json_integer(job->priority));
+    json_object_set_new(o, "pinned", json_boolean(job->pinned));
     json_object_set_new(o, "tags", job->tags ? json_loads(job->tags, 0, NULL) : json_array());
     if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());

@@ -42,6 +42,8 @@ void bw_http_reply_no_job(bw_request *request, const char *id);      /* 404, or 
 void bw_http_job_cancel(bw_request *request);
 void bw_http_job_finish(bw_request *request);
 void bw_http_job_retry(bw_request *request);
+void bw_http_job_pin(bw_request *request);
+void bw_http_job_unpin(bw_request *request);
 void bw_http_job_delete(bw_request *request);
 
 /* events.c */

@@ -24,7 +24,7 @@ bw_status bw_queue_open(const char *path, bw_queue **out) {
         status = bw_sql_open(&q->writer.sql, path, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
                              "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"
                              "PRAGMA wal_autocheckpoint=0; PRAGMA journal_size_limit=67108864; PRAGMA cache_size=-65536");
-    if (status == BW_OK) status = bw_schema_migrate(&q->writer.sql);
+    if (status == BW_OK) status = bw_schema_migrate(&q->writer.sql, path);
     if (status == BW_OK) status = bw_event_functions(&q->writer.sql);
     if (status == BW_OK) status = bw_writer_start(q);
     if (status != BW_OK) {

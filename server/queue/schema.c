@@ -1,5 +1,7 @@
 #include <inttypes.h>
+#include <limits.h>
 #include <stdio.h>
+#include <unistd.h>
 
 #include "server/log.h"
 #include "server/queue/writer.h"
@@ -125,13 +127,28 @@ static bw_status migrate_one(bw_sql *sql, int64_t version) {
     return status;
 }
 
-bw_status bw_schema_migrate(bw_sql *sql) {
+/* A copy of the file as it is, for who wants to go back to an older program. */
+static bw_status keep_old(bw_sql *sql, const char *path, int64_t version) {
+    char name[PATH_MAX], fresh[PATH_MAX];
+    if (snprintf(name, sizeof name, "%s.v%" PRId64 ".bak", path, version) >= (int)sizeof name - 4) return BW_E_IO;
+    snprintf(fresh, sizeof fresh, "%.4000s.new", name);
+    unlink(fresh);
+    bw_status status = bw_sql_copy(sql, fresh);
+    if (status == BW_OK && rename(fresh, name) != 0) status = BW_E_IO;
+    bw_event(status == BW_OK ? BW_INFO : BW_ERROR, "queue.migrating", "version=%" PRId64 " to=%d copy=%s", version, SCHEMA_VERSION, name);
+    return status;
+}
+
+int64_t bw_schema_version(void) { return SCHEMA_VERSION; }
+
+bw_status bw_schema_migrate(bw_sql *sql, const char *path) {
     int64_t version;
     bw_status status = bw_sql_number(sql, &version, 0, "PRAGMA user_version", "");
     if (status == BW_OK && version > SCHEMA_VERSION) {
         bw_event(BW_ERROR, "queue.newer", "version=%" PRId64 " known=%d", version, SCHEMA_VERSION);
         return BW_E_VERSION;
     }
+    if (status == BW_OK && version > 0 && version < SCHEMA_VERSION) status = keep_old(sql, path, version);
     for (; status == BW_OK && version < SCHEMA_VERSION; version++) status = migrate_one(sql, version);
     return status;
 }

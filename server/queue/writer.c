@@ -77,7 +77,7 @@ static void bound_wal(bw_queue *q, bool idle) {
     sqlite3 *db = q->writer.sql.db;
     bool cut = idle || q->wal_pages >= WAL_PAGES_MOST;
     if (q->wal_pages < q->wal_seen) q->wal_seen = 0; /* it began anew */
-    if (!q->wal_pages || (!cut && q->wal_pages - q->wal_seen < CHECKPOINT_PAGES)) return;
+    if (!q->wal_pages || (!idle && q->wal_pages - q->wal_seen < CHECKPOINT_PAGES)) return;
     sqlite3_busy_timeout(db, 100);
     int code = sqlite3_wal_checkpoint_v2(db, NULL, cut ? SQLITE_CHECKPOINT_TRUNCATE : SQLITE_CHECKPOINT_PASSIVE, NULL, NULL);
     if (code != SQLITE_OK && (code & 0xff) != SQLITE_BUSY) bw_sql_error(&q->writer.sql, "checkpoint");

@@ -57,7 +57,10 @@ bw_sql *bw_reader_borrow(bw_queue *queue);
 void bw_reader_return(bw_queue *queue, bw_sql *reader); /* NULL allowed */
 
 /* schema.c: brings the file to this daemon's version. BW_E_VERSION: it is a newer daemon's. */
-bw_status bw_schema_migrate(bw_sql *sql);
+bw_status bw_schema_migrate(bw_sql *sql, const char *path); /* before it changes an older one, PATH.vN.bak becomes a copy of it */
+int64_t bw_schema_version(void);
+/* backup.c: copies the whole file to `to`, which must not be there. */
+bw_status bw_sql_copy(bw_sql *from, const char *to);
 
 /* events.c: appends an event about the job as it is now; outcome may be NULL. *seq (may be NULL): its number. */
 bw_status bw_event_add(bw_writer *w, const char *id, const char *kind, const char *outcome, int64_t now, int64_t *seq);
