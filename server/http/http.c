@@ -15,8 +15,7 @@
 #include "server/log.h"
 #include "server/networks.h"
 
-/* Of a connection's memory the library touches half, whatever the request, by clearing what it does not use: streams live long. */
-enum { THREADS = 4, CONNECTION_MEMORY = 64 << 10, DESCRIPTORS_KEPT = 256, LAST_REPLIES_SECONDS = 2 };
+enum { THREADS = 4, CONNECTION_MEMORY = 128 << 10, DESCRIPTORS_KEPT = 256, LAST_REPLIES_SECONDS = 2 };
 enum { POOL_THREADS = 2, EXPIRY_MS = 10000 };
 
 struct bw_http {

@@ -4,7 +4,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/queue.h>
+#include <unistd.h>
 
 #include "server/clock.h"
 #include "server/http/reply.h"
@@ -158,6 +160,13 @@ static void ask(bw_stream *s) {
 
 static bool has_news(const bw_stream *s) { return !bw_stream_is_empty(s) || s->state != BW_STREAM_ON; }
 
+/* Gives back the pages of a buffer whose content does not matter until it is written: libmicrohttpd has cleared them, which is most of what an
+ * idle connection takes. It is private anonymous memory, so they come back as zeros. */
+static void give_back(char *buffer, size_t size) {
+    uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE), first = ((uintptr_t)buffer + page - 1) / page * page, end = ((uintptr_t)buffer + size) / page * page;
+    if (end > first) madvise((void *)first, end - first, MADV_DONTNEED);
+}
+
 /* Suspends until there is something. See watch.h for the order. */
 static void sleep_on(bw_stream *s) {
     bw_watch *watch = s->request->services->watch;
@@ -194,6 +203,7 @@ static ssize_t read_stream(void *user, uint64_t at, char *out, size_t room) {
     if (!bw_stream_is_empty(s)) return take(s, out, room);
     if (s->state == BW_STREAM_END || atomic_load(&s->reason) == BW_WATCH_STOP || bw_watch_stopped(s->request->services->watch))
         return MHD_CONTENT_READER_END_OF_STREAM;
+    give_back(out, room);
     sleep_on(s);
     return 0;
 }
