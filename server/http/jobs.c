@@ -84,7 +84,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
 void bw_http_reply_no_job(bw_request *r, const char *id) {
     bool gone;
     if (bw_queue_is_gone(r->services->queue, id, &gone) != BW_OK) bw_reply_storage(r);
-    else if (gone) bw_reply_problem(r, BW_PROBLEM_JOB_GONE, "the job %.60s was deleted", id);
+    else if (gone) bw_reply_problem(r, BW_PROBLEM_JOB_GONE, "the job %.60s was deleted, or removed by its age", id);
     else bw_reply_problem(r, BW_PROBLEM_NO_SUCH_JOB, "there is no job '%.60s'", id);
 }
 
