@@ -16,7 +16,7 @@
 
 #include "server/access.h"
 #include "server/config.h"
-#include "server/dispatch.h"
+#include "server/dispatch/dispatch.h"
 #include "server/queue/queue.h"
 #include "server/retention.h"
 

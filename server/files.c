@@ -85,3 +85,8 @@ int bw_lock_file(const char *path) {
     close(fd);
     return -1;
 }
+
+void bw_close_all(const int *fds, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (fds[i] >= 0) close(fds[i]);
+}

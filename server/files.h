@@ -18,4 +18,7 @@ bw_status bw_write_file(const char *path, const char *data, size_t size); /* tem
 /* The file, made if missing, with its lock; -1 if another process has it. The lock goes with the descriptor, however the process ends. */
 int bw_lock_file(const char *path);
 
+/* Closes those that are not negative. */
+void bw_close_all(const int *fds, size_t count);
+
 #endif

@@ -12,7 +12,7 @@
 #include <jansson.h>
 
 #include "server/config.h"
-#include "server/dispatch.h"
+#include "server/dispatch/dispatch.h"
 #include "server/queue/queue.h"
 #include "server/store.h"
 

@@ -23,7 +23,7 @@
 #include "server/clock.h"
 #include "server/commands.h"
 #include "server/config.h"
-#include "server/dispatch.h"
+#include "server/dispatch/dispatch.h"
 #include "server/files.h"
 #include "server/health.h"
 #include "server/http/http.h"

@@ -6,7 +6,7 @@
 
 #include "server/access.h"
 #include "server/config.h"
-#include "server/dispatch.h"
+#include "server/dispatch/dispatch.h"
 #include "server/health.h"
 #include "server/queue/queue.h"
 #include "server/store.h"

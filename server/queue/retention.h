@@ -5,7 +5,7 @@
  *  2. The file of a blob or of an output leaves its name within the transaction that deletes its last row (`take`), and nowhere else while the
  *     daemon runs. So a write that finds the file in its place (bw_submit.present, bw_new_blob.present) keeps it: writes come one after another, and
  *     the row that the write makes or touches is seen by every later collection. If the commit fails after `take`, a row without its
- *     file stays; such rows are forgotten when they are met (dispatch.c) or at the next start (reconcile.c).
+ *     file stays; such rows are forgotten when they are met (dispatch/choose.c) or at the next start (reconcile.c).
  *  3. Never taken: an output that a job's results are (jobs.result_key), or that a job which has not ended reads next (jobs.state_key); a blob
  *     that a job of this owner names, or that its owner uploaded or named after `blobs_before`; a pinned job, one that has not ended.
  *  4. A dry run reads only, and finds what a real one would take if nothing else happened meanwhile: "job" in 3 is one that does not itself go.

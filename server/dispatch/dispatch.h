@@ -10,7 +10,7 @@
  *  5. With --require-sandbox nothing is claimed until a worker has told of a complete sandbox; one is tried at the start.
  *  6. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
  *
- * How an ended attempt is judged (judge() in dispatch.c), first match counts:
+ * How an ended attempt is judged (judge.c), first match counts:
  *     the daemon is stopping                      interrupted, given back to the queue
  *     the job was cancelled                       dismissed
  *     out of wall time                            failed: time-limit

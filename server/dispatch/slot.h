@@ -1,0 +1,101 @@
+/* The slots of the dispatcher, one for each worker that may run, and what its files do with them:
+ *
+ *     choose.c     which job is next, and whether there is memory for it
+ *     slot.c       a slot's worker: started, listened to, stopped, released
+ *     judge.c      how an attempt has ended, and what is booked of it
+ *     dispatch.c   the thread, and what others ask it
+ *
+ * All but what is said to be under lock belongs to the dispatcher's thread.
+ */
+#ifndef BW_SERVER_DISPATCH_SLOT_H
+#define BW_SERVER_DISPATCH_SLOT_H
+
+#include <jansson.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "server/dispatch/dispatch.h"
+#include "server/failure.h"
+#include "server/limits.h"
+#include "server/worker/admission.h"
+#include "server/worker/session.h"
+
+enum { BW_SCRATCH_LOOK_MS = 250, BW_WAITERS_MOST = 256 };
+
+typedef enum { BW_KEEP, BW_STOP_CANCELLED, BW_STOP_TIME, BW_STOP_SCRATCH, BW_STOP_FLOOD, BW_STOP_PROTOCOL, BW_STOP_DAEMON } bw_stop;
+
+typedef struct {
+    bool busy;
+    uint64_t token;
+    bw_job job; /* as claimed */
+    char key[BW_SHA256_TEXT];
+    bw_stage_limits limits;
+    uint64_t need;      /* bytes it was admitted with */
+    int64_t peak;       /* bytes of memory that it had at most; 0 until it has ended */
+    int folder;         /* of the attempt; -1: closed */
+    bw_session session; /* its progress and note under lock */
+    bool asked;         /* it was sent SIGUSR1 */
+    size_t told;        /* what it had said when watchers were last told, not too often */
+    int64_t tell_at;
+    int64_t started, deadline, kill_at, look_at; /* monotonic; kill_at 0: no SIGKILL pending; look_at: next look at the folder's size */
+    bw_stop reason;
+} bw_slot;
+
+typedef struct {
+    char job[BW_JOB_ID_TEXT];
+    bool seen; /* in this pass */
+} bw_waiter;
+
+struct bw_dispatch {
+    const bw_config *config;
+    bw_store *store;
+    bw_queue *queue;
+    bw_watch *watch;
+    int spawner, wake, fatal;
+    uint64_t tokens;
+    pthread_t thread;
+    pthread_mutex_t lock; /* progress, note and job id of the slots, waiters and sandbox, for other threads */
+    atomic_bool stopping, draining, alive;
+    _Atomic uint64_t turns;
+    bw_slot *slots;
+    bw_admission admission;
+    bw_waiter waiters[BW_WAITERS_MOST]; /* under lock: jobs that the last pass left waiting for memory */
+    size_t waiter_count;
+    bw_sandbox sandbox; /* under lock: what the last worker told */
+};
+
+/* ---- slot.c ---- */
+
+static inline const bw_api_stage *bw_slot_stage(const bw_slot *s) { return &bw_api_stages[s->job.stage]; }
+static inline void bw_slot_log(bw_slot *s, const char *text) { bw_session_log(&s->session, text); }
+/* Starts the claimed `job`, which is moved into the slot. What a worker needs and cannot have is a failure of the attempt, booked already. */
+bw_status bw_slot_occupy(bw_dispatch *d, bw_slot *s, bw_job *job, const char *key, const json_t *options, uint64_t need);
+/* Takes what the worker has said, all of it if it has ended, and acts on it. */
+void bw_slot_listen(bw_dispatch *d, bw_slot *s, bool all);
+/* Sends SIGTERM, with a SIGKILL to follow, or SIGKILL; the first reason counts. */
+void bw_slot_stop(bw_dispatch *d, bw_slot *s, bw_stop reason, int signal);
+/* Tells the worker to settle for the best found, once, if the job's owner has asked for it and the worker is listening. */
+void bw_slot_ask_to_finish(bw_dispatch *d, bw_slot *s);
+void bw_slot_release(bw_dispatch *d, bw_slot *s);
+/* The key of the output that the job's stage makes or has made. False: no memory. */
+bool bw_stage_key(const bw_job *job, const json_t *options, int stage, char key[BW_SHA256_TEXT]);
+/* The file that the stage reads: the upload, or the state that the stage before has left in the cache. -1: it is not there. */
+int bw_stage_input(bw_dispatch *d, const bw_job *job, const json_t *options, uint64_t *bytes);
+/* Has a worker enter its sandbox and tell of it, before any job is given to one. */
+void bw_dispatch_try_sandbox(bw_dispatch *d);
+
+/* ---- choose.c ---- */
+
+/* Fills the free slots. *next_due: when a job that waits for its time is due; 0: none does. */
+bw_status bw_dispatch_choose(bw_dispatch *d, int64_t *next_due);
+bw_waiter *bw_waiter_find(bw_dispatch *d, const char *job); /* under lock */
+
+/* ---- judge.c: all free the slot ---- */
+
+/* After the spawner has reported the worker's exit. */
+bw_status bw_slot_judge(bw_dispatch *d, bw_slot *s, int wait_status);
+/* Books a failure: retried if it is the system's and there are tries left. `detail` or `error` (the worker's result) says what; exceeded may be NULL. */
+bw_status bw_slot_give_up(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *detail, const json_t *error,
+                          const bw_exceeded *exceeded);
+
+#endif
