@@ -159,7 +159,10 @@ bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retent
     if (status == BW_OK) status = write_manifest(file, &c);
     if (status == BW_OK && with_files) status = copy_logs(data, files);
     bw_retention_release(retention);
-    return status == BW_OK ? BW_OK : refuse(error, status, file, "cannot be written, or not whole");
+    if (status == BW_OK) return BW_OK;
+    unlink(file); /* half a backup is none */
+    if (with_files) bw_remove_tree(files);
+    return refuse(error, status, file, "cannot be written, or not whole");
 }
 
 /* ---- restore ---- */

@@ -174,6 +174,14 @@ static void what_is_no_sound_copy_is_refused(void **state) {
     assert_int_equal(bw_write_file(name, "x", 1), BW_OK);
     assert_int_equal(restore(&report), BW_E_USAGE); /* not empty */
     unlink(name);
+    unlink(file);
+    snprintf(name, sizeof name, "%s.manifest", file);
+    unlink(name);
+    assert_int_equal(mkdir(name, 0700), 0); /* in the manifest's place: the backup fails, and leaves nothing that looks like one */
+    assert_int_equal(make(true, &report), BW_E_IO);
+    assert_int_equal(access(file, F_OK), -1);
+    rmdir(name);
+    assert_int_equal(make(false, &report), BW_OK);
     assert_int_equal(sqlite3_open(file, &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db, "PRAGMA user_version = 999", NULL, NULL, NULL), SQLITE_OK);
     sqlite3_close(db);
