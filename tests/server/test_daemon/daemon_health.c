@@ -166,11 +166,13 @@ static void a_data_folder_that_cannot_be_written_is_told(void **state) {
 
 /* Starts with a disk that goes wrong by plan (tests/torture/shim.c) for the probe's file. */
 static void start_with_shim(const char *what, const char *const *arguments) {
-    char rules[120];
+    char rules[120], sanitizer[400];
+    const char *asan = getenv("ASAN_OPTIONS");
     snprintf(rules, sizeof rules, "call=fdatasync,path=*/tmp/probe,times=0,do=%s", what);
+    snprintf(sanitizer, sizeof sanitizer, "%s:verify_asan_link_order=0", asan ? asan : ""); /* the shim comes before its library */
     setenv("BW_SHIM", rules, 1);
     setenv("LD_PRELOAD", BW_BIN_DIR "/torture_shim.so", 1);
-    setenv("ASAN_OPTIONS", "verify_asan_link_order=0", 0); /* the shim comes before the sanitizer's library */
+    setenv("ASAN_OPTIONS", sanitizer, 1);
     start(arguments);
     unsetenv("BW_SHIM");
     unsetenv("LD_PRELOAD");
@@ -257,8 +259,9 @@ static void requests_that_go_wrong_are_counted_too(void **state) {
     start(NULL);
     kit_expect_problem(kit_get(&d, "/no/such/address"), 404, "not-found");
     kit_expect_problem(kit_get(&d, "/v1/jobs/%024d", 0), 404, "no-such-job");
-    free(kit_raw(&d, "PUT /v1/blobs/0000000000000000000000000000000000000000000000000000000000000000 HTTP/1.1\r\nHost: x\r\n"
-                 "Content-Length: 1000\r\n\r\nabc", 150, true)); /* cut off */
+    static const char cut_off[] = "PUT /v1/blobs/0000000000000000000000000000000000000000000000000000000000000000 HTTP/1.1\r\nHost: x\r\n"
+                                  "Content-Length: 1000\r\n\r\nabc";
+    free(kit_raw(&d, cut_off, sizeof cut_off - 1, true));
     char *text = metrics();
     assert_true(prometheus_value(text, "blockwright_http_requests_total{operation=\"none\",class=\"4xx\"}") == 1);
     assert_true(prometheus_value(text, "blockwright_http_requests_total{operation=\"job_get\",class=\"4xx\"}") == 1);
