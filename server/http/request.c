@@ -72,6 +72,21 @@ static bool is_token(const char *name) {
     return n && !name[n];
 }
 
+/* libmicrohttpd 0.9.75 appends the text of a folded line (RFC 9112, 5.2) to the header's name: "Content-Length:", CR LF, " 13" becomes an empty
+ * Content-Length13, and "Content: 13", CR LF, " -Length" a Content-Length. A name that was moved for that has its value no longer behind it,
+ * which is where it stands as it was received: a NUL in the colon's place, blanks, the value. */
+static bool is_folded(const char *name, const char *value) {
+    const char *behind = name + strlen(name) + 1;
+    return value && (uintptr_t)value - (uintptr_t)behind != strspn(behind, " \t");
+}
+
+/* A bare CR ends a line for some readers (RFC 9112, 2.2). */
+static bool has_controls(const char *value) {
+    for (; value && *value; value++)
+        if (((unsigned char)*value < 0x20 && *value != '\t') || *value == 0x7f) return true;
+    return false;
+}
+
 static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
     framing *f = user;
     bool encoding = strcasecmp(key, "Transfer-Encoding") == 0;
@@ -80,7 +95,7 @@ static enum MHD_Result count_framing(void *user, enum MHD_ValueKind kind, const 
     f->encodings += encoding;
     f->codings += strcasecmp(key, "Content-Encoding") == 0;
     f->hosts += strcasecmp(key, "Host") == 0;
-    f->strange |= !is_token(key) || (encoding && (!value || strcasecmp(value, "chunked") != 0));
+    f->strange |= !is_token(key) || is_folded(key, value) || has_controls(value) || (encoding && (!value || strcasecmp(value, "chunked") != 0));
     return MHD_YES;
 }
 

@@ -191,6 +191,10 @@ static void two_ways_to_end_a_body_are_refused(void **state) {
         "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length : 4\r\n\r\nGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
         "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: +4\r\n\r\nabcd",
         "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length: 4, 4\r\n\r\nabcd",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent-Length:\r\n 4\r\n\r\nGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nContent: 4\r\n -Length\r\n\r\nabcdGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding:\r\n chunked\r\n\r\nGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
+        "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nX: y\rContent-Length: 0\r\nContent-Length: 4\r\n\r\nabcdGET /livez HTTP/1.1\r\nHost: x\r\n\r\n",
         "POST /v1/jobs HTTP/1.1\r\nHost: x\r\nTransfer-Encoding : chunked\r\nContent-Length: 5\r\n\r\n0\r\n\r\n",
         "GET /livez HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n"};
     for (size_t i = 0; i < sizeof smuggled / sizeof *smuggled; i++) {
