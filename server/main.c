@@ -200,6 +200,13 @@ static int block_signals(void) {
     return signalfd(-1, &set, SFD_CLOEXEC);
 }
 
+/* Else SQLite's journals of statements and its sorts go where TMPDIR says. It asks once, so this is before its first connection. */
+static bw_status keep_temporaries_inside(void) {
+    char folder[sizeof config.data + 8];
+    snprintf(folder, sizeof folder, "%s/tmp", config.data);
+    return setenv("SQLITE_TMPDIR", folder, 1) == 0 ? BW_OK : BW_E_MEMORY;
+}
+
 static bw_status serve(int spawner) {
     char database[PATH_MAX], address[96];
     bw_services services = {.config = &config};
@@ -211,6 +218,7 @@ static bw_status serve(int spawner) {
     snprintf(database, sizeof database, "%s/jobs.db", config.data);
     if (status == BW_OK) what = "spawner", status = bw_spawner_wait_ready(spawner, SPAWNER_WAIT_SECONDS);
     if (status == BW_OK) what = "store", status = bw_store_open(config.data, &services.store);
+    if (status == BW_OK) status = keep_temporaries_inside();
     if (status == BW_OK) what = "queue", status = bw_queue_open(database, &services.queue);
     if (status == BW_OK) what = "recovery", status = bw_reconcile(services.store, services.queue, bw_now_ms());
     if (status == BW_OK) what = "access tokens", status = bw_access_open(services.queue, &services.access);
