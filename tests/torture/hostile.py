@@ -69,6 +69,7 @@ class Hostile:
                                                               *arguments.daemon_option], worker="blockwright-worker")
         self.sanitized = kit.sanitized(self.daemon.program)
         self.pids, self.jobs, self.problems = set(), {owner: [] for owner in OWNERS}, {}
+        self.uploaded = {owner: set() for owner in OWNERS}
         self.shared = {f: set(os.listdir(f)) for f in ("/tmp", "/var/tmp", "/dev/shm") if os.path.isdir(f)}
 
     def start(self):
@@ -100,6 +101,7 @@ class Hostile:
         for f in files:
             for content in filter(lambda c: c is not None, (f.content, f.parameters)):
                 reply = client.upload(content)
+                self.uploaded[owner].add(hashlib.sha256(content).hexdigest())
                 kit.expect(reply.status in (200, 201), "upload of %s: %d %s", f.name, reply.status, reply.body[:300])
             job = {"input": hashlib.sha256(f.content).hexdigest(), "name": f.name, "options": f.options,
                    "limits": {"cpu_seconds": 20, "wall_seconds": 120, **({} if self.sanitized else {"memory": 512 << 20})}}
@@ -324,7 +326,6 @@ class Hostile:
         for one, other in (OWNERS, OWNERS[::-1]):
             own = next(job["id"] for job in reversed(self.jobs[other]) if job["state"] == "successful")
             successful = [job for job in self.jobs[one] if job["state"] == "successful"]
-            shas = {job["input"] for job in self.jobs[other]}
             for job in self.rng.sample(self.jobs[one], min(20, len(self.jobs[one]))) + successful[-5:]:
                 path, token = "/v1/jobs/" + job["id"], self.tokens[other]
                 for rest in ("", "/results", "/results/report.json", "/results/mesh.vtk", "/report", "/log", "/events", "/../" + job["id"], "/./results"):
@@ -336,7 +337,7 @@ class Hostile:
                 for way in ("/../%s/report", "/%%2e%%2e/%s/report", "/results/../../%s/report", "/results/..%%2f..%%2f%s%%2freport.json"):
                     answer = self.wire.request("GET", "/v1/jobs/" + own + way % job["id"], token=token)
                     kit.expect(answer is None or answer.status >= 400, "GET %s: %s", way, answer)
-                if job["input"] not in shas:
+                if job["input"] not in self.uploaded[other]:
                     answer = self.wire.request("HEAD", "/v1/blobs/" + job["input"], token=token)
                     kit.expect(answer is not None and answer.status == 404, "HEAD of a blob of %s by %s: %s", one, other, answer)
                     body = json.dumps({"input": job["input"]}).encode()
