@@ -66,12 +66,22 @@ def scope(doc, operation):
 
 
 def complete(doc):
-    """Adds the answers to requests without a token, or with one that does not do, to every operation that wants one."""
+    """Adds the answers that any operation may have, where it does not describe them itself: to a query parameter that is not there or a request
+    that is unclear, from a daemon that is meant by another name or is stopping, to a failure inside, to other sites' pages if it
+    changes something, and if it wants a token to requests without one or with one that does not do."""
     for item in doc["paths"].values():
         for method in METHODS:
-            if method in item and scope(doc, item[method]):
-                for status in ("401", "403"):
-                    item[method]["responses"].setdefault(status, {"$ref": "#/components/responses/Problem"})
+            if method not in item:
+                continue
+            token = scope(doc, item[method])
+            answers = {"400": "Problem", "421": "Problem", "500": "Problem", "503": "Problem"}
+            if token or method not in ("get", "head"):
+                answers["403"] = "Problem"
+            if token:
+                answers["401"] = "Unauthorized"
+            for status, response in answers.items():
+                item[method]["responses"].setdefault(status, {"$ref": "#/components/responses/" + response})
+            item[method]["responses"] = dict(sorted(item[method]["responses"].items()))
 
 
 def queries(doc):
@@ -124,6 +134,17 @@ def check(doc):
     for problem in doc["x-blockwright-problems"]:
         if problem.get("class") not in [None] + classes:
             die("problem %s has an unknown class" % problem["code"])
+
+
+def capabilities(doc):
+    """What GET /v1/capabilities says that does not depend on how the daemon was started."""
+    def bare(schema):
+        return {k: bare(v) if isinstance(v, dict) else v for k, v in schema.items() if k != "description"}
+
+    options = doc["components"]["schemas"]["Options"]["properties"]
+    return {"stages": doc["x-blockwright-stages"],
+            "options": {name: bare(schema) for name, schema in options.items()},
+            "formats": {"input": doc["x-blockwright-input-formats"], "output": options["hex_formats"]["items"]["enum"]}}
 
 
 def header(doc):
@@ -181,6 +202,8 @@ typedef struct {
 } bw_api_option;
 extern const bw_api_option bw_api_options[BW_API_OPTION_COUNT]; /* sorted by name */
 
+extern const char bw_api_capabilities[]; /* a JSON object: stages, options, formats */
+
 extern const char bw_api_document[]; /* openapi.json */
 extern const size_t bw_api_document_size;
 
@@ -215,6 +238,9 @@ def source(doc, include):
         out.append("    {%s, BW_OPTION_%s, values_%s, %r, %r, %s, %s, %d, %s}," % (
             quote(name), kind, name, float(low), float(high), str(above).lower(), str(below).lower(), length, quote(default)))
     out.append("};")
+    out.append("const char bw_api_capabilities[] =")
+    out += ["    " + quote(line) for line in json.dumps(capabilities(doc), indent=0, ensure_ascii=True).splitlines()]
+    out.append("    ;")
     text = json.dumps(doc, indent=1, sort_keys=False, ensure_ascii=True) + "\n"
     out.append("const char bw_api_document[] =")
     out += ["    " + quote(line + "\n") for line in text.splitlines()]

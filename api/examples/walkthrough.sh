@@ -15,6 +15,7 @@ step() {
 step live.sh
 step ready.sh
 step metrics.sh
+step capabilities.sh
 step blob_put.sh
 step blob_head.sh
 step upload_options.sh

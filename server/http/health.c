@@ -22,6 +22,26 @@ static json_t *limits_json(const bw_config *c, const bw_sandbox *sandbox) {
                      c->stage_wall_seconds, "cancel_grace_seconds", c->cancel_grace_ms / 1000.0);
 }
 
+/* A limit of which 0 says that there is none. */
+static json_t *limit_json(uint64_t most) { return most ? json_integer((json_int_t)most) : json_null(); }
+
+static json_t *request_limits_json(const bw_config *c) {
+    return json_pack("{s:I, s:i, s:o, s:o, s:o, s:o, s:i}", "upload_bytes", (json_int_t)c->max_upload, "uploads", c->max_uploads, "owner_bytes",
+                     limit_json(c->owner_bytes), "owner_jobs", limit_json((uint64_t)c->owner_jobs), "owner_running",
+                     limit_json((uint64_t)c->owner_running), "owner_streams", limit_json((uint64_t)c->owner_streams), "workers", c->workers);
+}
+
+void bw_http_capabilities(bw_request *r) {
+    const bw_services *s = r->services;
+    bw_sandbox sandbox = bw_dispatch_sandbox(s->dispatch);
+    json_t *body = json_pack("{s:s}", "version", BW_VERSION), *fixed = json_loads(bw_api_capabilities, 0, NULL);
+    json_object_update(body, fixed);
+    json_decref(fixed);
+    json_object_set_new(body, "limits", request_limits_json(s->config));
+    json_object_set_new(body, "worker", limits_json(s->config, &sandbox));
+    bw_reply_json(r, 200, body);
+}
+
 void bw_http_ready(bw_request *r) {
     const bw_services *s = r->services;
     bw_verdict worst;

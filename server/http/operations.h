@@ -59,6 +59,7 @@ void bw_http_result_list(bw_request *request);
 void bw_http_result_get(bw_request *request);
 
 /* health.c */
+void bw_http_capabilities(bw_request *request);
 void bw_http_live(bw_request *request);
 void bw_http_ready(bw_request *request);
 void bw_http_metrics(bw_request *request);

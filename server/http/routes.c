@@ -30,6 +30,7 @@ const bw_route bw_routes[BW_OP_COUNT] = {
     [BW_OP_JOB_REPORT] = {NULL, bw_http_job_report},
     [BW_OP_RESULT_LIST] = {NULL, bw_http_result_list},
     [BW_OP_RESULT_GET] = {NULL, bw_http_result_get},
+    [BW_OP_CAPABILITIES] = {NULL, bw_http_capabilities},
     [BW_OP_LIVE] = {NULL, bw_http_live},
     [BW_OP_READY] = {NULL, bw_http_ready},
     [BW_OP_METRICS] = {NULL, bw_http_metrics},

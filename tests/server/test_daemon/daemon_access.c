@@ -150,7 +150,7 @@ static void expect_unchanged(void) {
 }
 
 static void without_a_token_that_holds_every_endpoint_says_401_or_is_public(void **state) {
-    static const char *const public[] = {"live", "ready", "openapi", "page", "page_file", "upload_options"};
+    static const char *const public[] = {"capabilities", "live", "ready", "openapi", "page", "page_file", "upload_options"};
     char unknown[BW_TOKEN_TEXT], cut[BW_TOKEN_TEXT];
     (void)state;
     snprintf(unknown, sizeof unknown, "%s", alice.secret);
