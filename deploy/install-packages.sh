@@ -10,7 +10,7 @@ packages="
     build-essential cmake ninja-build pkg-config python3 python3-yaml ca-certificates
     libjansson-dev libgmp-dev libexpat1-dev zlib1g-dev libdraco-dev libsqlite3-dev libmicrohttpd-dev libgnutls28-dev libcurl4-openssl-dev libssl-dev libseccomp-dev
     coinor-libclp-dev coinor-libcbc-dev libsuitesparse-dev libzstd-dev libcgns-dev
-    libcmocka-dev openssl curl python3-meshio cgns-convert
+    libcmocka-dev openssl curl python3-meshio python3-jsonschema cgns-convert
 "
 
 say() { printf '%s\n' "install-packages: $*" >&2; }

@@ -63,6 +63,14 @@ def main():
         expect(first.startswith("# %s %s" % (method.upper(), path)), "%s does not begin with its call" % script)
         with open(os.path.join(examples, "walkthrough.sh"), encoding="utf-8") as stream:
             expect(os.path.basename(script) in stream.read(), "walkthrough.sh leaves out " + script)
+    known = {suffix for f in doc["x-blockwright-input-formats"] for suffix in f["suffixes"]}
+    shown = {os.path.splitext(name)[1] for name in os.listdir(os.path.join(examples, "formats"))} - {".md", ".parameters"}
+    expect(shown <= known, "x-blockwright-input-formats lacks %s" % sorted(shown - known))
+    for row in doc["x-blockwright-input-formats"]:
+        expect(shown & set(row["suffixes"]), "input format %s has no example" % row["name"])
+        for kind, stem in (("tet", "cube"), ("hex", "hexes")):
+            there = any(os.path.exists(os.path.join(examples, "formats", stem + suffix)) for suffix in row["suffixes"])
+            expect(there == (kind in row["kinds"]), "input format %s and its examples differ about %s" % (row["name"], kind))
     for message in failures:
         print(message)
     print("check_openapi: %d problem(s)" % len(failures))
