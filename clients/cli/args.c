@@ -9,7 +9,7 @@
 
 #include "command.h"
 
-enum { WORD_MAX = 32, OPTIONS_MAX = 40, LEFT = 24 };
+enum { WORD_MAX = 32, OPTIONS_MAX = 64, LEFT = 24 };
 
 int cli_usage_error(const cli_command *command, const char *format, ...) {
     va_list args;

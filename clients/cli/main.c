@@ -7,8 +7,8 @@
 
 static const cli_command *const commands[] = {
     &cli_command_run,    &cli_command_sample, &cli_command_submit, &cli_command_watch, &cli_command_fetch,
-    &cli_command_finish, &cli_command_cancel, &cli_command_retry,  &cli_command_rm,    &cli_command_ls,
-    &cli_command_log,    &cli_command_show,
+    &cli_command_finish, &cli_command_cancel, &cli_command_retry,  &cli_command_rm,    &cli_command_pin,
+    &cli_command_unpin,  &cli_command_ls,     &cli_command_log,    &cli_command_show,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 

@@ -14,7 +14,7 @@ typedef struct {
     const char *name, *out, *tags, *key;
     int64_t priority;
     cli_job_options job;
-    bool wait, quiet;
+    bool wait, quiet, pin;
 } settings;
 
 static const cli_option options[] = {
@@ -27,6 +27,7 @@ static const cli_option options[] = {
     {"tag", 0, CLI_TEXT, offsetof(settings, tags), "TAG,TAG,...", "words to find the job by: 'ls --tag'", 0, 0},
     {"idempotency-key", 0, CLI_TEXT, offsetof(settings, key), "KEY",
      "the same command sent again with the same KEY creates no second job", 0, 0},
+    {"pin", 0, CLI_FLAG, offsetof(settings, pin), NULL, "keep the job, whatever its age, until it is unpinned or removed", 0, 0},
     {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
      0},
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
@@ -97,6 +98,7 @@ static char *job_request(const settings *s, json_t *job_options, const char *fil
     if (text) json_object_set_new(request, "name", text);
     if (*names->parameters) json_object_set_new(request, "parameters", json_string(names->parameters));
     if (s->priority) json_object_set_new(request, "priority", json_integer(s->priority));
+    if (s->pin) json_object_set_new(request, "pinned", json_true());
     if (s->tags) json_object_set_new(request, "tags", tag_list(s->tags));
     char *body = json_dumps(request, JSON_COMPACT | JSON_SORT_KEYS);
     json_decref(request);

@@ -15,7 +15,7 @@ Usage: blockwright.sh COMMAND ...
          [--explore-weights W,W,W,W] [--explore-expand random|cheapest] [--beam N] [--seed N] [--explore-work N] [--explore-time SECONDS]
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
          [--route auto|quality|guaranteed] [--max-map-work N] [--subdivide N] [--max-hexes N] [--smooth on|off]
-         [--hex-formats F,F,...] [--bwh-bits N] [--tmesh] [--name TEXT] [--wait] [--out DIR]
+         [--hex-formats F,F,...] [--bwh-bits N] [--tmesh] [--name TEXT] [--pin] [--wait] [--out DIR]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
                      --out also fetches the results
   watch ID           wait until job ID has ended
@@ -24,6 +24,8 @@ Usage: blockwright.sh COMMAND ...
   cancel ID          ask it to stop; nothing of it is kept
   retry ID           put a job that failed or was cancelled back into the queue
   rm ID              remove a job that has ended
+  pin ID             keep it, whatever its age
+  unpin ID           let it go by age again
   ls                 list the jobs: id, state, name
   log ID             show what its workers logged
   report ID          print its report.json
@@ -250,7 +252,9 @@ submit() {
     [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
     [ $tmesh = no ] || options="${options:+$options, }\"tmesh\": \"yes\""
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
-    printf '{"input": "%s", %s"name": %s, "options": {%s}}' "$hash" "$side" "$(quoted "${name:-$(basename "$1")}")" \
+    extra=
+    [ $pin = no ] || extra='"pinned": true, '
+    printf '{"input": "%s", %s%s"name": %s, "options": {%s}}' "$hash" "$side" "$extra" "$(quoted "${name:-$(basename "$1")}")" \
         "$options" >"$work/request"
     request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/request" || silent
     [ "$status" = 201 ] || complain "$work/body" '' ''
@@ -356,6 +360,13 @@ remove() {
     printf '%s removed\n' "$1"
 }
 
+# set_pin METHOD ID
+set_pin() {
+    request "$1" "/v1/jobs/$2/pin" || silent
+    [ "$status" = 200 ] || complain "$work/body" '' ''
+    if [ "$(value "$work/body" pinned 1)" = true ]; then printf '%s pinned\n' "$2"; else printf '%s unpinned\n' "$2"; fi
+}
+
 # ask cancel|finish|retry ID
 ask() {
     request POST "/v1/jobs/$2/$1" -d '' || silent
@@ -406,6 +417,7 @@ server=${BLOCKWRIGHT_SERVER:-http://127.0.0.1:8080}
 token=${BLOCKWRIGHT_TOKEN:-}
 quiet=no
 wait=no
+pin=no
 repair=no
 tmesh=no
 route=
@@ -435,6 +447,7 @@ while [ $# -gt 0 ]; do
         ;;
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
+    --pin) pin=yes ;;
     --repair) repair=yes ;;
     --rounding) rounding=yes ;;
     --tmesh) tmesh=yes ;;
@@ -516,7 +529,7 @@ case $command in
 '') mistake "which command?" ;;
 ls) [ -z "$operand" ] || mistake "ls takes no operand" ;;
 submit) [ -n "$operand" ] || mistake "submit needs a FILE" ;;
-watch | fetch | finish | cancel | retry | rm | log | report) check_id "$operand" ;;
+watch | fetch | finish | cancel | retry | rm | pin | unpin | log | report) check_id "$operand" ;;
 *) mistake "there is no command '$command'" ;;
 esac
 case $command in
@@ -528,6 +541,8 @@ watch)
 fetch) fetch "$operand" ;;
 finish | cancel | retry) ask "$command" "$operand" ;;
 rm) remove "$operand" ;;
+pin) set_pin PUT "$operand" ;;
+unpin) set_pin DELETE "$operand" ;;
 ls) list ;;
 log) show "/v1/jobs/$operand/log" ;;
 report) show "/v1/jobs/$operand/report" ;;

@@ -228,7 +228,7 @@ static void a_job_that_is_not_there_is_exit_3(void **state) {
     (void)state;
     const char *id = "0123456789abcdef01234567";
     const char *const calls[][5] = {
-        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"finish", id, NULL}, {"retry", id, NULL}, {"rm", id, NULL}, {"log", id, NULL}};
+        {"watch", id, NULL}, {"fetch", id, "--out", NULL}, {"cancel", id, NULL}, {"finish", id, NULL}, {"retry", id, NULL}, {"rm", id, NULL}, {"pin", id, NULL}, {"unpin", id, NULL}, {"log", id, NULL}};
     for (client c = 0; c < CLIENTS; c++) {
         for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
             const char *words[] = {calls[i][0], id, calls[i][2], calls[i][2] ? kit_temp_path("none") : NULL,
@@ -313,6 +313,39 @@ static void a_key_submits_once_and_an_ended_job_is_removed(void **state) {
         kit_result_clear(&r);
         r = call(c, (const char *[]){"watch", id, NULL});
         if (r.exit != 3 || !strstr(r.err, "[job-gone]")) fail_msg("%s client, watch: exit %d\n%s", client_name[c], r.exit, r.err);
+        kit_result_clear(&r);
+    }
+}
+
+/* What a client says of a job, in one word; the daemon is asked as well. */
+static void expect_pinned(client which, const char *command, const char *id, bool pinned) {
+    char line[ID_MAX + 16], url[300];
+    snprintf(line, sizeof line, "%s %s\n", id, pinned ? "pinned" : "unpinned");
+    snprintf(url, sizeof url, "%s/v1/jobs/%s", here.url, id);
+    if (command) {
+        kit_result r = call_well(which, (const char *[]){command, id, NULL});
+        assert_string_equal(r.out, line);
+        kit_result_clear(&r);
+    }
+    kit_result r = kit_run((const char *[]){"curl", "-sS", url, NULL});
+    assert_int_equal(r.exit, 0);
+    if (!strstr(r.out, pinned ? "\"pinned\": true" : "\"pinned\": false")) fail_msg("not %s%s", line, r.out);
+    kit_result_clear(&r);
+}
+
+static void a_job_is_pinned_and_unpinned(void **state) {
+    (void)state;
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX];
+        kit_result r = call_well(c, (const char *[]){"submit", part, "--until", "sanitize", "--pin", "--quiet", NULL});
+        take_id(&r, id);
+        expect_pinned(c, NULL, id, true);
+        expect_pinned(c, "unpin", id, false);
+        expect_pinned(c, "unpin", id, false);
+        expect_pinned(c, "pin", id, true);
+        expect_pinned(c, "pin", id, true);
+        watch(c, id);
+        r = call_well(c, (const char *[]){"rm", id, NULL}); /* a pin is no lock */
         kit_result_clear(&r);
     }
 }
@@ -409,6 +442,7 @@ int main(void) {
         cmocka_unit_test(a_cancelled_job_is_exit_4),
         cmocka_unit_test(a_failed_job_is_tried_again),
         cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
+        cmocka_unit_test(a_job_is_pinned_and_unpinned),
         cmocka_unit_test(a_search_is_finished_by_either_client),
         cmocka_unit_test(the_log_is_there),
         cmocka_unit_test(the_log_is_followed_to_the_end),

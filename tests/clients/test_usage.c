@@ -67,6 +67,9 @@ static const struct {
     {{"submit", "a", "--idempotency-key", "a b"}, "visible ASCII"},
     {{"retry"}, "something is missing"},
     {{"rm", "../jobs"}, "is not a job id"},
+    {{"pin"}, "something is missing"},
+    {{"unpin", "../jobs"}, "is not a job id"},
+    {{"submit", "a", "--pinn"}, "did you mean '--pin'?"},
     {{"ls", "x"}, "one word too many"},
     {{"ls", "--state", "asleep"}, "--state is one of"},
 };
@@ -84,7 +87,7 @@ static void a_mistaken_command_line_ends_with_2_and_says_why(void **state) {
 }
 
 static const char *const commands[] = {"run",   "sample", "show", "submit", "watch",
-                                       "fetch", "finish", "cancel", "retry", "rm", "ls", "log"};
+                                       "fetch", "finish", "cancel", "retry", "rm", "pin", "unpin", "ls", "log"};
 
 static void every_command_explains_itself_with_examples(void **state) {
     (void)state;
