@@ -13,6 +13,8 @@ typedef struct {
     cli_remote remote;
     const char *name, *out, *tags, *key;
     int64_t priority;
+    uint64_t limit_memory, limit_scratch;  /* 0: the daemon's */
+    int64_t limit_cpu, limit_wall;         /* likewise */
     cli_job_options job;
     bool wait, quiet, pin;
 } settings;
@@ -28,6 +30,11 @@ static const cli_option options[] = {
     {"idempotency-key", 0, CLI_TEXT, offsetof(settings, key), "KEY",
      "the same command sent again with the same KEY creates no second job", 0, 0},
     {"pin", 0, CLI_FLAG, offsetof(settings, pin), NULL, "keep the job, whatever its age, until it is unpinned or removed", 0, 0},
+    {"limit-memory", 0, CLI_BYTES, offsetof(settings, limit_memory), "BYTES",
+     "most memory each stage may take, e.g. 500M or 4G (default, and at most, the daemon's limit)", 0, 0},
+    {"limit-scratch", 0, CLI_BYTES, offsetof(settings, limit_scratch), "BYTES", "most bytes of all files that a stage writes", 0, 0},
+    {"limit-cpu", 0, CLI_INTEGER, offsetof(settings, limit_cpu), "SECONDS", "most processor time of a stage", 1, 1e9},
+    {"limit-wall", 0, CLI_INTEGER, offsetof(settings, limit_wall), "SECONDS", "most time of a stage by the clock", 1, 1e9},
     {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
      0},
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
@@ -90,6 +97,18 @@ static json_t *tag_list(const char *tags) {
     return list;
 }
 
+/* The limits that were given; NULL if none was. */
+static json_t *limits(const settings *s) {
+    json_t *object = json_object();
+    if (s->limit_memory) json_object_set_new(object, "memory", json_integer((json_int_t)s->limit_memory));
+    if (s->limit_scratch) json_object_set_new(object, "scratch", json_integer((json_int_t)s->limit_scratch));
+    if (s->limit_cpu) json_object_set_new(object, "cpu_seconds", json_integer(s->limit_cpu));
+    if (s->limit_wall) json_object_set_new(object, "wall_seconds", json_integer(s->limit_wall));
+    if (json_object_size(object)) return object;
+    json_decref(object);
+    return NULL;
+}
+
 static char *job_request(const settings *s, json_t *job_options, const char *file, const blobs *names) {
     const char *slash = strrchr(file, '/');
     const char *name = s->name ? s->name : slash ? slash + 1 : file;
@@ -98,6 +117,8 @@ static char *job_request(const settings *s, json_t *job_options, const char *fil
     if (text) json_object_set_new(request, "name", text);
     if (*names->parameters) json_object_set_new(request, "parameters", json_string(names->parameters));
     if (s->priority) json_object_set_new(request, "priority", json_integer(s->priority));
+    json_t *given = limits(s);
+    if (given) json_object_set_new(request, "limits", given);
     if (s->pin) json_object_set_new(request, "pinned", json_true());
     if (s->tags) json_object_set_new(request, "tags", tag_list(s->tags));
     char *body = json_dumps(request, JSON_COMPACT | JSON_SORT_KEYS);
@@ -172,6 +193,7 @@ const cli_command cli_command_submit = {
                 "  blockwright submit part.mesh --parameters part.parameters\n"
                 "  blockwright submit part.hexex --complex bc --out result\n"
                 "  blockwright submit part.hexex --priority 10 --tag nightly,wing --idempotency-key run-17\n"
+                "  blockwright submit part.hexex --limit-memory 2G --limit-wall 600 --pin\n"
                 "  blockwright submit part.hexex --quantize positive --target-hexes 5000 --out result\n"
                 "  id=$(blockwright submit part.hexex --quiet) && blockwright watch \"$id\"",
     .options = options,

@@ -16,8 +16,9 @@ Usage: blockwright.sh COMMAND ...
          [--quantize none|positive|nonnegative|any] [--scale S | --coarsest | --fewest-hexes | --target-hexes N] [--rounding] [--repair]
          [--route auto|quality|guaranteed] [--max-map-work N] [--subdivide N] [--max-hexes N] [--smooth on|off]
          [--hex-formats F,F,...] [--bwh-bits N] [--tmesh] [--name TEXT] [--pin] [--wait] [--out DIR]
+         [--limit-memory BYTES] [--limit-scratch BYTES] [--limit-cpu SECONDS] [--limit-wall SECONDS]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
-                     --out also fetches the results
+                     --out also fetches the results; --limit-...: most of it that each stage may take
   watch ID           wait until job ID has ended
   fetch ID --out DIR bring its results home, each checked against its SHA-256
   finish ID          ask its search to settle for the best found; the job goes on with that
@@ -252,8 +253,8 @@ submit() {
     [ $rounding = no ] || options="${options:+$options, }\"rounding\": true"
     [ $tmesh = no ] || options="${options:+$options, }\"tmesh\": \"yes\""
     [ $repair = no ] || options="${options:+$options, }\"repair\": true"
-    extra=
-    [ $pin = no ] || extra='"pinned": true, '
+    extra=${limits:+"\"limits\": {$limits}, "}
+    [ $pin = no ] || extra="$extra\"pinned\": true, "
     printf '{"input": "%s", %s%s"name": %s, "options": {%s}}' "$hash" "$side" "$extra" "$(quoted "${name:-$(basename "$1")}")" \
         "$options" >"$work/request"
     request POST /v1/jobs -H 'Content-Type: application/json' --data-binary "@$work/request" || silent
@@ -418,6 +419,7 @@ token=${BLOCKWRIGHT_TOKEN:-}
 quiet=no
 wait=no
 pin=no
+limits= # as they stand in the request
 repair=no
 tmesh=no
 route=
@@ -453,7 +455,7 @@ while [ $# -gt 0 ]; do
     --tmesh) tmesh=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --token-file | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters)
+    --server | --token-file | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters | --limit-memory | --limit-scratch | --limit-cpu | --limit-wall)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -487,6 +489,8 @@ while [ $# -gt 0 ]; do
         --bwh-bits) number "$1" "$2" && bits=$2 ;;
         --until) until=$2 ;;
         --name) name=$2 ;;
+        --limit-memory | --limit-scratch) number "$1" "$2" && limits="${limits:+$limits, }\"${1#--limit-}\": $2" ;;
+        --limit-cpu | --limit-wall) number "$1" "$2" && limits="${limits:+$limits, }\"${1#--limit-}_seconds\": $2" ;;
         --parameters) parameters=$2 ;;
         esac
         shift

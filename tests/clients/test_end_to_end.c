@@ -317,20 +317,46 @@ static void a_key_submits_once_and_an_ended_job_is_removed(void **state) {
     }
 }
 
+static char *job_text(const char *id) {
+    char url[300];
+    snprintf(url, sizeof url, "%s/v1/jobs/%s", here.url, id);
+    kit_result r = kit_run((const char *[]){"curl", "-sS", url, NULL});
+    assert_int_equal(r.exit, 0);
+    free(r.err);
+    return r.out;
+}
+
+static void limits_reach_the_job_and_end_it(void **state) {
+    (void)state;
+    static const char *const members[] = {"\"memory\": 268435456", "\"scratch\": 134217728", "\"cpu_seconds\": 77", "\"wall_seconds\": 99"};
+    for (client c = 0; c < CLIENTS; c++) {
+        char id[ID_MAX];
+        kit_result r = call_well(c, (const char *[]){"submit", part, "--until", "sanitize", "--limit-memory", c == C_CLIENT ? "256M" : "268435456",
+                                                     "--limit-scratch", "134217728", "--limit-cpu", "77", "--limit-wall", "99", "--wait", "--quiet", NULL});
+        take_id(&r, id);
+        char *job = job_text(id);
+        for (size_t i = 0; i < sizeof members / sizeof *members; i++)
+            if (!strstr(job, members[i])) fail_msg("%s client: no %s in %s", client_name[c], members[i], job);
+        free(job);
+        /* of another kind than what the cache has */
+        r = call(c, (const char *[]){"submit", part, "--kind", "tet", "--until", "sanitize", "--limit-scratch", "100", "--wait", "--quiet", NULL});
+        if (r.exit != 4 || !strstr(r.err, "[output-limit]")) fail_msg("%s client: exit %d\n%s", client_name[c], r.exit, r.err);
+        kit_result_clear(&r);
+    }
+}
+
 /* What a client says of a job, in one word; the daemon is asked as well. */
 static void expect_pinned(client which, const char *command, const char *id, bool pinned) {
-    char line[ID_MAX + 16], url[300];
+    char line[ID_MAX + 16];
     snprintf(line, sizeof line, "%s %s\n", id, pinned ? "pinned" : "unpinned");
-    snprintf(url, sizeof url, "%s/v1/jobs/%s", here.url, id);
     if (command) {
         kit_result r = call_well(which, (const char *[]){command, id, NULL});
         assert_string_equal(r.out, line);
         kit_result_clear(&r);
     }
-    kit_result r = kit_run((const char *[]){"curl", "-sS", url, NULL});
-    assert_int_equal(r.exit, 0);
-    if (!strstr(r.out, pinned ? "\"pinned\": true" : "\"pinned\": false")) fail_msg("not %s%s", line, r.out);
-    kit_result_clear(&r);
+    char *job = job_text(id);
+    if (!strstr(job, pinned ? "\"pinned\": true" : "\"pinned\": false")) fail_msg("not %s%s", line, job);
+    free(job);
 }
 
 static void a_job_is_pinned_and_unpinned(void **state) {
@@ -442,6 +468,7 @@ int main(void) {
         cmocka_unit_test(a_cancelled_job_is_exit_4),
         cmocka_unit_test(a_failed_job_is_tried_again),
         cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
+        cmocka_unit_test(limits_reach_the_job_and_end_it),
         cmocka_unit_test(a_job_is_pinned_and_unpinned),
         cmocka_unit_test(a_search_is_finished_by_either_client),
         cmocka_unit_test(the_log_is_there),
