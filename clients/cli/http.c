@@ -120,10 +120,17 @@ static size_t on_body(char *data, size_t one, size_t size, void *user) {
     return fwrite(data, 1, size, s->file);
 }
 
+/* What a progress line tells of a body that is sent: bytes `from` to `size` of a file. */
+typedef struct {
+    cli_progress *progress;
+    int64_t from, size;
+} outgoing;
+
 static int on_transfer(void *user, curl_off_t down_all, curl_off_t down, curl_off_t up_all, curl_off_t up) {
+    const outgoing *o = user;
     (void)down_all;
     (void)down;
-    if (up_all > 0) cli_progress_show(user, "upload", (double)up / (double)up_all);
+    if (up_all > 0) cli_progress_show(o->progress, "upload", (double)(o->from + up) / (double)o->size);
     return 0;
 }
 
@@ -207,24 +214,32 @@ bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, 
     return send_headers(http, reply);
 }
 
-bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size, cli_progress *progress,
-                     cli_reply *reply) {
+bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE *file, int64_t from, int64_t size,
+                     cli_progress *progress, cli_reply *reply) {
     sink s = {.http = http, .reply = reply};
+    outgoing o = {progress, from, size};
     memset(reply, 0, sizeof *reply);
-    prepare(http, "PUT", path, &s);
-    struct curl_slist *headers = curl_slist_append(NULL, "Content-Type: application/octet-stream");
-    curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, headers);
+    prepare(http, method, path, &s);
+    if (fseeko(file, (off_t)from, SEEK_SET) != 0) { /* it could be rewound when it was hashed */
+        cli_error("a file cannot be read from byte %lld on", (long long)from);
+        exit(CLI_INTERNAL);
+    }
     curl_easy_setopt(http->curl, CURLOPT_UPLOAD, 1L);
     curl_easy_setopt(http->curl, CURLOPT_READDATA, file);
-    curl_easy_setopt(http->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)size);
+    curl_easy_setopt(http->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)(size - from));
     if (progress) {
         curl_easy_setopt(http->curl, CURLOPT_NOPROGRESS, 0L);
         curl_easy_setopt(http->curl, CURLOPT_XFERINFOFUNCTION, on_transfer);
-        curl_easy_setopt(http->curl, CURLOPT_XFERINFODATA, progress);
+        curl_easy_setopt(http->curl, CURLOPT_XFERINFODATA, &o);
     }
-    bool good = perform(http, reply);
-    curl_slist_free_all(headers);
+    bool good = send_headers(http, reply);
+    curl_easy_setopt(http->curl, CURLOPT_XFERINFOFUNCTION, NULL);
     return good;
+}
+
+const char *cli_http_answered(const cli_http *http, const char *name) {
+    struct curl_header *header;
+    return curl_easy_header(http->curl, name, 0, CURLH_HEADER, -1, &header) == CURLHE_OK ? header->value : NULL;
 }
 
 bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply) {

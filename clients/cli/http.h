@@ -38,12 +38,14 @@ void cli_http_close(cli_http *http);
 const char *cli_http_server(const cli_http *http); /* without a trailing slash */
 const char *cli_http_error(const cli_http *http);  /* why the last call failed */
 
-/* Adds a header to the next cli_http_call or cli_http_json; `value` is printable ASCII. */
+/* Adds a header to the next cli_http_call, cli_http_json or cli_http_upload; `value` is printable ASCII. */
 void cli_http_header(cli_http *http, const char *name, const char *value);
 bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply);
-/* PUTs `size` bytes of `file`; `progress` (may be NULL) shows them going. */
-bool cli_http_upload(cli_http *http, const char *path, FILE *file, int64_t size, cli_progress *progress,
-                     cli_reply *reply);
+/* Sends bytes `from` to `size` of `file`; `progress` (may be NULL) shows how much of the `size` has gone. */
+bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE *file, int64_t from, int64_t size,
+                     cli_progress *progress, cli_reply *reply);
+/* A header of the last answer, borrowed until the next call; NULL if it had none. */
+const char *cli_http_answered(const cli_http *http, const char *name);
 /* GETs into `file`, at most `limit` bytes; an answer other than 200 goes to reply->body instead. */
 bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t limit, cli_reply *reply);
 /* GETs, giving the body of a 200 to `take` as it comes, for as long as it goes on; `take` returns false to break it off. */

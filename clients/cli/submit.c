@@ -1,13 +1,12 @@
 /* blockwright submit: uploads a part, of one file or two, unless the daemon has it already, and creates a
  * job for it. */
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "hash.h"
 #include "joboptions.h"
 #include "remote.h"
+#include "upload.h"
 
 typedef struct {
     cli_remote remote;
@@ -41,45 +40,6 @@ static const cli_option options[] = {
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "print the job's id and errors, nothing else",
      0, 0},
 };
-
-static int put_blob(cli_http *http, FILE *file, int64_t size, const char *path, bool quiet) {
-    cli_progress progress;
-    cli_reply reply;
-    cli_progress_open(&progress, quiet);
-    bool answered = cli_http_upload(http, path, file, size, &progress, &reply);
-    cli_progress_clear(&progress);
-    if (!answered) return cli_http_failed(http);
-    int code = reply.status / 100 == 2 ? CLI_DONE : cli_http_refused(http, &reply);
-    cli_reply_clear(&reply);
-    return code;
-}
-
-/* Makes sure the daemon has the file; `hash` receives its name there. */
-static int upload(cli_http *http, const char *name, bool quiet, char hash[CLI_HASH_TEXT]) {
-    char path[128];
-    int64_t size;
-    cli_reply reply;
-    int code = CLI_DONE;
-    FILE *file = fopen(name, "rb");
-    if (!file || !cli_hash_file(file, hash, &size)) {
-        cli_error("%s cannot be read: %s", name, strerror(errno));
-        code = CLI_INTERNAL;
-        goto out;
-    }
-    snprintf(path, sizeof path, "/v1/blobs/%s", hash);
-    if (!cli_http_call(http, "HEAD", path, NULL, &reply)) {
-        code = cli_http_failed(http);
-        goto out;
-    }
-    if (reply.status == 404)
-        code = put_blob(http, file, size, path, quiet);
-    else if (reply.status != 200)
-        code = cli_http_refused(http, &reply);
-    cli_reply_clear(&reply);
-out:
-    if (file) fclose(file);
-    return code;
-}
 
 /* The names under which the daemon has the part's files; `parameters` "": none. */
 typedef struct {
@@ -128,9 +88,9 @@ static char *job_request(const settings *s, json_t *job_options, const char *fil
 
 static int submit(cli_http *http, const settings *s, json_t *job_options, const char *file) {
     blobs names = {0};
-    int code = upload(http, file, s->quiet, names.input);
+    int code = cli_upload(http, file, s->quiet, names.input);
     if (code == CLI_DONE && s->job.parameters)
-        code = upload(http, s->job.parameters, s->quiet, names.parameters);
+        code = cli_upload(http, s->job.parameters, s->quiet, names.parameters);
     if (code != CLI_DONE) return code;
     char *body = job_request(s, job_options, file, &names);
     if (!body) {
@@ -184,7 +144,8 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. A Medit mesh of tets has\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. An upload of 64 MiB\n"
+             "or more goes on where it was after its connection broke. A Medit mesh of tets has\n"
              "its parameters in a second file, which --parameters names. The job's id\n"
              "is printed on standard output as soon as the daemon has stored the job for good. With\n"
              "--wait the command stays until the job has ended and its exit code tells how; with --out\n"

@@ -15,6 +15,11 @@ double cli_now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+void cli_pause(double seconds) {
+    struct timespec t = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
+    nanosleep(&t, NULL);
+}
+
 const char *cli_bytes(char text[24], uint64_t bytes) {
     static const char *const units[] = {"kB", "MB", "GB", "TB"};
     if (bytes < 1000) {

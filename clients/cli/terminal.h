@@ -25,6 +25,7 @@ void cli_progress_show(cli_progress *p, const char *stage, double fraction);
 void cli_progress_clear(cli_progress *p);
 
 double cli_now(void);                                   /* seconds, monotonic */
+void cli_pause(double seconds);
 const char *cli_bytes(char text[24], uint64_t bytes);   /* "3.1 MB" (powers of 1000); returns text */
 const char *cli_seconds(char text[24], double seconds); /* "0.36 s", "2 min 05 s"; returns text */
 void cli_print_safe(FILE *stream,

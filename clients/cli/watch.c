@@ -1,7 +1,6 @@
 /* blockwright watch: follows a job to its end. */
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #include "failure.h"
 #include "remote.h"
@@ -19,11 +18,6 @@ static const cli_option options[] = {
     {"quiet", 'q', CLI_FLAG, offsetof(settings, quiet), NULL, "no progress, only how it ended", 0, 0},
 };
 
-static void pause_seconds(double seconds) {
-    struct timespec t = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
-    nanosleep(&t, NULL);
-}
-
 /* The job as it is now; a daemon that does not answer is asked again for `patience` seconds. NULL: *exit_code
  * is set and the reason said. */
 static json_t *ask(cli_http *http, const char *id, double patience, int *exit_code) {
@@ -36,7 +30,7 @@ static json_t *ask(cli_http *http, const char *id, double patience, int *exit_co
             *exit_code = cli_http_failed(http);
             return NULL;
         }
-        pause_seconds(0.5);
+        cli_pause(0.5);
     }
     json_t *job = reply.status == 200 ? json_loads(reply.body ? reply.body : "", 0, NULL) : NULL;
     if (!job) *exit_code = cli_http_refused(http, &reply);
@@ -123,7 +117,7 @@ int cli_watch(cli_http *http, const char *id, bool quiet) {
         cli_reply reply;
         show(&v, job);
         json_decref(job);
-        if (!first) pause_seconds(0.5);
+        if (!first) cli_pause(0.5);
         cli_follow(http, path, &events, &reply); /* why it ended, or that there is none, the job tells */
         cli_reply_clear(&reply);
         job = ask(http, id, patience_seconds, &exit_code);

@@ -1,0 +1,175 @@
+#include "upload.h"
+
+#include <errno.h>
+#include <openssl/evp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "command.h"
+
+/* Below `resumable_from` bytes it takes less time to send all again than to ask how much there is. */
+static const int64_t resumable_from = (int64_t)64 << 20;
+enum { TRIES = 8 }; /* in a row that bring no byte */
+static const double pause_first = 0.5, pause_most = 8; /* seconds; doubled from try to try, 39.5 together */
+
+typedef struct {
+    cli_http *http;
+    FILE *file;
+    int64_t size, done; /* bytes; those that the daemon has for good */
+    const char *hash;
+    char address[96]; /* of the upload */
+    char why[320];    /* it broke off last */
+    cli_progress progress;
+} transfer;
+
+/* ---- in one go ---- */
+
+static int put_blob(transfer *t, const char *path) {
+    cli_reply reply;
+    cli_http_header(t->http, "Content-Type", "application/octet-stream");
+    bool answered = cli_http_upload(t->http, "PUT", path, t->file, 0, t->size, &t->progress, &reply);
+    cli_progress_clear(&t->progress);
+    if (!answered) return cli_http_failed(t->http);
+    int code = reply.status / 100 == 2 ? CLI_DONE : cli_http_refused(t->http, &reply);
+    cli_reply_clear(&reply);
+    return code;
+}
+
+/* ---- resumable: tus 1.0.0, creation and the core protocol ---- */
+
+/* Takes the address of an upload from an answer. What is foreign stays out of paths. */
+static bool take_address(transfer *t) {
+    static const char folder[] = "/v1/uploads/";
+    const char *location = cli_http_answered(t->http, "Location");
+    if (!location || strncmp(location, folder, sizeof folder - 1) != 0 || !cli_job_id_valid(location + sizeof folder - 1)) return false;
+    snprintf(t->address, sizeof t->address, "%s", location);
+    return true;
+}
+
+/* Begins an upload. True with *code CLI_DONE: it has an address. True with another: it was refused for good, and that was said.
+ * False: this daemon takes none (one of before, one that speaks another tus, one that has too many), and a PUT may do. */
+static bool begin(transfer *t, int *code) {
+    cli_reply reply;
+    char length[24], metadata[16 + (CLI_HASH_TEXT + 2) / 3 * 4] = "sha256 ";
+    snprintf(length, sizeof length, "%lld", (long long)t->size);
+    EVP_EncodeBlock((unsigned char *)metadata + 7, (const unsigned char *)t->hash, (int)strlen(t->hash));
+    cli_http_header(t->http, "Tus-Resumable", "1.0.0");
+    cli_http_header(t->http, "Upload-Length", length);
+    cli_http_header(t->http, "Upload-Metadata", metadata);
+    *code = CLI_DONE;
+    if (!cli_http_call(t->http, "POST", "/v1/uploads", NULL, &reply)) {
+        *code = cli_http_failed(t->http);
+        return true;
+    }
+    bool offered = reply.status != 404 && reply.status != 405 && reply.status != 412 && reply.status != 429;
+    if (reply.status == 201) offered = take_address(t);
+    else if (offered) *code = cli_http_refused(t->http, &reply);
+    cli_reply_clear(&reply);
+    return offered;
+}
+
+/* How far the upload is, by the last answer; -1 if that does not say it, or says what cannot be. */
+static int64_t offset_told(const transfer *t) {
+    const char *text = cli_http_answered(t->http, "Upload-Offset");
+    char *end;
+    if (!text || *text < '0' || *text > '9') return -1;
+    errno = 0;
+    long long offset = strtoll(text, &end, 10);
+    return errno || *end || offset > t->size ? -1 : offset;
+}
+
+/* Is an answer one after which it is worth while to ask again? (409: the daemon has another offset than was thought.) */
+static bool passes(long status) {
+    return status == 409 || status == 423 || status == 429 || (status >= 500 && status != 507);
+}
+
+typedef enum { GOES_ON, BROKE, REFUSED } outcome;
+
+/* One request about the upload. GOES_ON: t->done is what the daemon has. REFUSED: that was said, *code is set. */
+static outcome step(transfer *t, bool send, int *code) {
+    cli_reply reply;
+    char offset[24];
+    snprintf(offset, sizeof offset, "%lld", (long long)t->done);
+    cli_http_header(t->http, "Tus-Resumable", "1.0.0");
+    if (send) {
+        cli_http_header(t->http, "Upload-Offset", offset);
+        cli_http_header(t->http, "Content-Type", "application/offset+octet-stream");
+    }
+    bool answered = send ? cli_http_upload(t->http, "PATCH", t->address, t->file, t->done, t->size, &t->progress, &reply)
+                         : cli_http_call(t->http, "HEAD", t->address, NULL, &reply);
+    if (!answered || passes(reply.status)) {
+        if (answered) snprintf(t->why, sizeof t->why, "HTTP status %ld", reply.status);
+        else snprintf(t->why, sizeof t->why, "%s", cli_http_error(t->http));
+        cli_reply_clear(&reply);
+        return BROKE;
+    }
+    int64_t told = reply.status / 100 == 2 ? offset_told(t) : -1;
+    if (told < 0) {
+        cli_progress_clear(&t->progress);
+        if (!send && reply.status == 404) cli_error("%s has given the upload up", cli_http_server(t->http));
+        *code = !send && reply.status == 404 ? CLI_INTERNAL : cli_http_refused(t->http, &reply);
+    } else {
+        t->done = told;
+    }
+    cli_reply_clear(&reply);
+    return told < 0 ? REFUSED : GOES_ON;
+}
+
+/* Sends what is missing. After a break it asks how far the upload is, and goes on there. */
+static int send_all(transfer *t) {
+    int code = CLI_DONE, tries = 0;
+    double pause = pause_first;
+    for (bool send = true; t->done < t->size;) {
+        int64_t had = t->done;
+        outcome o = step(t, send, &code);
+        if (o == REFUSED) return code;
+        if (t->done > had) tries = 0, pause = pause_first;
+        if (o == GOES_ON && (!send || t->done > had)) {
+            send = true;
+            continue;
+        }
+        if (++tries > TRIES) {
+            cli_progress_clear(&t->progress);
+            cli_error("the upload to %s broke off, and %d tries to go on with it failed: %s", cli_http_server(t->http), TRIES, t->why);
+            return CLI_INTERNAL;
+        }
+        cli_pause(pause);
+        pause = pause * 2 < pause_most ? pause * 2 : pause_most;
+        send = false;
+    }
+    return CLI_DONE;
+}
+
+/* ---- */
+
+static int bring(transfer *t, const char *path) {
+    int code = CLI_DONE;
+    if (t->size < resumable_from || !begin(t, &code)) code = put_blob(t, path);
+    else if (code == CLI_DONE) code = send_all(t);
+    cli_progress_clear(&t->progress);
+    return code;
+}
+
+int cli_upload(cli_http *http, const char *name, bool quiet, char hash[CLI_HASH_TEXT]) {
+    char path[128];
+    cli_reply reply;
+    int code = CLI_DONE;
+    transfer t = {.http = http, .file = fopen(name, "rb"), .hash = hash};
+    if (!t.file || !cli_hash_file(t.file, hash, &t.size)) {
+        cli_error("%s cannot be read: %s", name, strerror(errno));
+        code = CLI_INTERNAL;
+        goto out;
+    }
+    cli_progress_open(&t.progress, quiet);
+    snprintf(path, sizeof path, "/v1/blobs/%s", hash);
+    if (!cli_http_call(http, "HEAD", path, NULL, &reply)) {
+        code = cli_http_failed(http);
+        goto out;
+    }
+    if (reply.status == 404) code = bring(&t, path);
+    else if (reply.status != 200) code = cli_http_refused(http, &reply);
+    cli_reply_clear(&reply);
+out:
+    if (t.file) fclose(t.file);
+    return code;
+}

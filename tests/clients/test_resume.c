@@ -1,0 +1,199 @@
+/* A large input gets to a real daemon over connections that break, and past a daemon that is killed on the way. */
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+
+#include "clients/daemon.h"
+
+enum { SIZE = 70 << 20, QUOTA = 20 << 20 };
+
+static daemon_here here;
+
+/* Between client and daemon, for one connection after the other. */
+typedef struct {
+    int64_t quota;      /* bytes of the client after which a connection is broken; 0: none is */
+    pid_t victim;       /* killed when the first one is broken; 0: nobody */
+    bool before_tus;    /* the daemon does not see that an upload is asked for: it answers as one of before did */
+    int listener;
+    char url[64];
+    pid_t process;
+} proxy;
+
+static void write_all(int fd, const char *data, ssize_t size) {
+    for (ssize_t n; size > 0 && (n = send(fd, data, (size_t)size, MSG_NOSIGNAL)) > 0; data += n) size -= n;
+}
+
+/* To the daemon, wherever it listens now; -1: nowhere. */
+static int connect_on(void) {
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    char line[80] = "";
+    FILE *f = fopen(kit_temp_path("data/address"), "r");
+    if (f && !fgets(line, sizeof line, f)) *line = 0;
+    if (f) fclose(f);
+    if (!strchr(line, ':')) return -1;
+    to.sin_port = htons((uint16_t)atoi(strrchr(line, ':') + 1));
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (connect(fd, (struct sockaddr *)&to, sizeof to) == 0) return fd;
+    close(fd);
+    return -1;
+}
+
+/* Carries both ways until an end closes, or the client has sent its quota: then it is true. */
+static bool carry(const proxy *p, int client, int server) {
+    static char buffer[65536 + 1];
+    struct pollfd ends[2] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
+    for (int64_t sent = 0; poll(ends, 2, -1) > 0;) {
+        for (int i = 0; i < 2; i++) {
+            if (!ends[i].revents) continue;
+            ssize_t n = recv(ends[i].fd, buffer, sizeof buffer - 1, 0);
+            if (n <= 0) return false;
+            buffer[n] = 0;
+            if (i == 0 && p->before_tus && !strncmp(buffer, "POST /v1/uploads ", 17)) memcpy(buffer + 9, "nothing", 7);
+            write_all(ends[1 - i].fd, buffer, n);
+            if (i == 0) sent += n;
+            if (p->quota && sent >= p->quota) return true;
+        }
+    }
+    return false;
+}
+
+/* Notes every connection it breaks by a letter in the file "broken". */
+static void serve(proxy *p) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    for (;;) {
+        int client = accept(p->listener, NULL, NULL), server = connect_on();
+        if (server >= 0 && carry(p, client, server)) {
+            FILE *f = fopen(kit_temp_path("broken"), "a");
+            fputc('x', f);
+            fclose(f);
+            if (p->victim) kill(p->victim, SIGKILL), p->victim = 0, p->quota = 0;
+        }
+        if (server >= 0) close(server);
+        close(client);
+    }
+}
+
+static void proxy_start(proxy *p) {
+    struct sockaddr_in at = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof at;
+    kit_write_text(kit_temp_path("broken"), "");
+    p->listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_int_equal(bind(p->listener, (struct sockaddr *)&at, sizeof at), 0);
+    assert_int_equal(listen(p->listener, 8), 0);
+    assert_int_equal(getsockname(p->listener, (struct sockaddr *)&at, &size), 0);
+    snprintf(p->url, sizeof p->url, "http://127.0.0.1:%d", ntohs(at.sin_port));
+    fflush(NULL);
+    p->process = fork();
+    assert_true(p->process >= 0);
+    if (p->process == 0) serve(p);
+}
+
+/* Ends it; how many connections it has broken. */
+static size_t proxy_stop(proxy *p) {
+    size_t broken;
+    kill(p->process, SIGKILL);
+    assert_int_equal(waitpid(p->process, NULL, 0), p->process);
+    close(p->listener);
+    free(kit_read_file(kit_temp_path("broken"), &broken));
+    return broken;
+}
+
+/* A file that no other test has uploaded. */
+static const char *large_file(uint64_t stream) {
+    const char *path = kit_temp_path("large-%d", (int)stream);
+    uint64_t *data = malloc(SIZE);
+    kit_random random = kit_random_start(stream);
+    for (size_t i = 0; i < SIZE / sizeof *data; i++) data[i] = kit_random_next(&random);
+    kit_write_file(path, data, SIZE);
+    free(data);
+    return path;
+}
+
+/* The client at work on its own; its words go to the file "words". */
+static pid_t submit(const proxy *p, const char *file) {
+    const char *program = kit_program("blockwright"), *words = kit_temp_path("words");
+    fflush(NULL);
+    pid_t client = fork();
+    assert_true(client >= 0);
+    if (client > 0) return client;
+    int fd = open(words, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    dup2(fd, 1);
+    dup2(fd, 2);
+    execl(program, program, "submit", file, "--until", "sanitize", "--server", p->url, (char *)NULL);
+    _exit(127);
+}
+
+/* A job of the file has been created, so the daemon has it, and has found that its SHA-256 is right. */
+static void expect_submitted(pid_t client) {
+    int status;
+    assert_int_equal(waitpid(client, &status, 0), client);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+        char *words = kit_read_file(kit_temp_path("words"), NULL);
+        fail_msg("the client ended with %d: %s", status, words);
+    }
+}
+
+/* How often the daemon's log has the words. */
+static size_t logged(const char *words) {
+    size_t n = 0;
+    char *log = kit_read_file(kit_temp_path("daemon.log"), NULL);
+    for (const char *at = log; (at = strstr(at, words)); at++) n++;
+    free(log);
+    return n;
+}
+
+static void an_upload_goes_on_after_every_break(void **state) {
+    (void)state;
+    proxy p = {.quota = QUOTA};
+    size_t puts = logged("method=PUT");
+    proxy_start(&p);
+    expect_submitted(submit(&p, large_file(1)));
+    assert_int_equal(proxy_stop(&p), (SIZE - 1) / QUOTA);
+    assert_int_equal(logged("method=PUT"), puts);
+}
+
+static void an_upload_outlives_a_kill_of_its_daemon(void **state) {
+    (void)state;
+    proxy p = {.quota = QUOTA, .victim = here.process};
+    const char *file = large_file(2);
+    size_t puts = logged("method=PUT");
+    proxy_start(&p);
+    pid_t client = submit(&p, file);
+    assert_int_equal(waitpid(here.process, NULL, 0), here.process);
+    daemon_start(&here);
+    expect_submitted(client);
+    assert_int_equal(proxy_stop(&p), 1);
+    assert_int_equal(logged("method=PUT"), puts);
+}
+
+static void a_daemon_that_takes_no_such_upload_gets_it_in_one(void **state) {
+    (void)state;
+    proxy p = {.before_tus = true};
+    size_t puts = logged("method=PUT");
+    proxy_start(&p);
+    expect_submitted(submit(&p, large_file(3)));
+    assert_int_equal(proxy_stop(&p), 0);
+    assert_int_equal(logged("method=PUT"), puts + 1);
+}
+
+static int start(void **state) {
+    (void)state;
+    daemon_start(&here);
+    return 0;
+}
+
+static int stop(void **state) {
+    (void)state;
+    return daemon_stop(&here);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_upload_goes_on_after_every_break),
+        cmocka_unit_test(an_upload_outlives_a_kill_of_its_daemon),
+        cmocka_unit_test(a_daemon_that_takes_no_such_upload_gets_it_in_one),
+    };
+    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
+}
