@@ -361,7 +361,7 @@ static double quantile(double q) {
 static void report(double took) {
     long open = 0;
     for (long i = 0; i < connections; i++) open += all[i].now == STREAMING || all[i].now == DRIPPING;
-    qsort(latencies, latency_count, sizeof *latencies, by_value);
+    if (latency_count) qsort(latencies, latency_count, sizeof *latencies, by_value);
     printf("{\"mode\":\"%s\",\"seconds\":%.3f,\"answers\":%zu,\"per_second\":%.1f,\"p50_ms\":%.3f,\"p99_ms\":%.3f,\"max_ms\":%.3f,"
            "\"broken\":%ld,\"refused\":%ld,\"closed\":%ld,\"open\":%ld,\"received\":%ld,\"status\":{", mode, took, latency_count,
            (double)latency_count / took, quantile(0.5), quantile(0.99), quantile(1), broken, refused, closed, open, received);
