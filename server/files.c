@@ -33,6 +33,14 @@ static int timed(int (*sync)(int), int fd) {
 
 bw_status bw_sync(int fd, const char *what) { return judge(timed(fdatasync, fd), what); }
 
+void bw_write_behind(int fd, uint64_t *begun, uint64_t written) {
+    enum { PIECE = 8 << 20 };
+    if (written < *begun) *begun = written;
+    if (written - *begun < PIECE) return;
+    (void)sync_file_range(fd, (off_t)*begun, (off_t)(written - *begun), SYNC_FILE_RANGE_WRITE);
+    *begun = written;
+}
+
 bw_status bw_sync_path(const char *path) {
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0) return BW_E_IO;

@@ -7,11 +7,15 @@
 #define BW_SERVER_FILES_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "base/status.h"
 
 bw_status bw_sync(int fd, const char *what);         /* fdatasync; BW_E_IO only for lack of room */
 bw_status bw_sync_path(const char *path);            /* fsync of a folder or file */
+/* Has the kernel begin to write what a growing file has more than at the last call, once that is worth it, so that the sync
+ * at the end has little left to wait for. `*begun`, 0 at first, remembers how far. Promises nothing: only bw_sync does. */
+void bw_write_behind(int fd, uint64_t *begun, uint64_t written);
 bw_status bw_make_dir(const char *path);             /* fine if it is there; the parent is synced if it was made */
 bw_status bw_remove_tree(const char *path);          /* fine if it is not there */
 bw_status bw_write_file(const char *path, const char *data, size_t size); /* temporary, sync, rename, sync folder */

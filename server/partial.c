@@ -20,7 +20,7 @@ struct bw_partial {
     bw_partials *all;
     char id[BW_JOB_ID_TEXT], owner[BW_OWNER_TEXT], expected[BW_SHA256_TEXT], blob[BW_SHA256_TEXT];
     char *metadata;
-    uint64_t length, written, durable, mark;
+    uint64_t length, written, durable, mark, behind; /* behind: see bw_write_behind */
     int64_t expires;
     bool taken, kept;                /* under the lock; kept: there is a sidecar */
     int fd;                          /* while it is taken and incomplete; else -1 */
@@ -309,6 +309,7 @@ bw_status bw_partial_write(bw_partial *p, const void *data, size_t size) {
         size -= (size_t)n;
         p->written += (uint64_t)n;
     }
+    bw_write_behind(p->fd, &p->behind, p->written);
     return BW_OK;
 }
 

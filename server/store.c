@@ -28,7 +28,7 @@ struct bw_upload {
     bw_store *store;
     bw_digest *digest;
     int fd;
-    uint64_t bytes;
+    uint64_t bytes, behind; /* of these the writing has begun */
     char path[PATH_MAX];
 };
 
@@ -105,6 +105,7 @@ bw_status bw_upload_write(bw_upload *u, const void *data, size_t size) {
         size -= (size_t)n;
         u->bytes += (uint64_t)n;
     }
+    bw_write_behind(u->fd, &u->behind, u->bytes);
     return BW_OK;
 }
 
