@@ -82,6 +82,13 @@ void bw_reader_return(bw_queue *q, bw_sql *reader) {
     pthread_mutex_unlock(&q->read_lock);
 }
 
+void bw_readers_shrink(bw_queue *q) {
+    pthread_mutex_lock(&q->read_lock);
+    for (size_t i = 0; i < BW_READERS_MOST; i++)
+        if (!q->lent[i] && q->readers[i].db) sqlite3_db_release_memory(q->readers[i].db);
+    pthread_mutex_unlock(&q->read_lock);
+}
+
 /* ---- how it is ---- */
 
 bool bw_queue_healthy(bw_queue *q) {

@@ -1,6 +1,7 @@
 #include "server/queue/writer.h"
 
 #include <errno.h>
+#include <malloc.h>
 #include <semaphore.h>
 #include <stdlib.h>
 #include <time.h>
@@ -84,6 +85,13 @@ static void bound_wal(bw_queue *q, bool idle) {
     sqlite3_busy_timeout(db, 10000);
     q->wal_seen = q->wal_pages;
     if (cut && code == SQLITE_OK) wal_grew(q, db, NULL, 0);
+}
+
+/* A quiet daemon keeps no pages of the database; the system's cache has them. */
+static void give_memory_back(bw_queue *q) {
+    sqlite3_db_release_memory(q->writer.sql.db);
+    bw_readers_shrink(q);
+    malloc_trim(0);
 }
 
 /* ---- the thread ---- */
@@ -183,6 +191,7 @@ static void *write_main(void *user) {
         size_t n = take(q, batch, &stop);
         if (n) run_batch(q, batch, n);
         bound_wal(q, !n);
+        if (!n && !stop) give_memory_back(q);
     }
     return NULL;
 }

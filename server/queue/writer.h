@@ -55,6 +55,7 @@ void bw_writer_stop(bw_queue *queue); /* after all that was posted is done */
 /* A connection that only reads, for one statement or a few; waits until one is free. NULL if it cannot be opened. */
 bw_sql *bw_reader_borrow(bw_queue *queue);
 void bw_reader_return(bw_queue *queue, bw_sql *reader); /* NULL allowed */
+void bw_readers_shrink(bw_queue *queue);                 /* those that are free give their pages back */
 
 /* schema.c: brings the file to this daemon's version. BW_E_VERSION: it is a newer daemon's. */
 bw_status bw_schema_migrate(bw_sql *sql, const char *path); /* before it changes an older one, PATH.vN.bak becomes a copy of it */
