@@ -36,6 +36,6 @@ struct cli_command {
 extern const cli_command cli_command_run, cli_command_sample, cli_command_show;
 extern const cli_command cli_command_submit, cli_command_watch, cli_command_fetch;
 extern const cli_command cli_command_finish, cli_command_cancel, cli_command_ls, cli_command_log;
-extern const cli_command cli_command_retry, cli_command_rm, cli_command_pin, cli_command_unpin;
+extern const cli_command cli_command_retry, cli_command_rm, cli_command_pin, cli_command_unpin, cli_command_capabilities;
 
 #endif

@@ -8,7 +8,7 @@
 static const cli_command *const commands[] = {
     &cli_command_run,    &cli_command_sample, &cli_command_submit, &cli_command_watch, &cli_command_fetch,
     &cli_command_finish, &cli_command_cancel, &cli_command_retry,  &cli_command_rm,    &cli_command_pin,
-    &cli_command_unpin,  &cli_command_ls,     &cli_command_log,    &cli_command_show,
+    &cli_command_unpin,  &cli_command_ls,     &cli_command_log,    &cli_command_capabilities, &cli_command_show,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof *commands };
 
@@ -17,10 +17,10 @@ static void print_help(FILE *stream) {
                     "Decomposes a tet mesh with a seamless parametrization into cuboid blocks, and makes hex meshes of them.\n\n"
                     "Commands:\n");
     for (size_t i = 0; i < COMMAND_COUNT; i++)
-        fprintf(stream, "  %-8s %s\n", commands[i]->name, commands[i]->summary);
+        fprintf(stream, "  %-12s %s\n", commands[i]->name, commands[i]->summary);
     fprintf(
         stream,
-        "  help     explain a command\n\n"
+        "  help         explain a command\n\n"
         "run, sample and show work in place; the others talk to a daemon (blockwrightd), whose address is\n"
         "--server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080. A daemon that wants an access\n"
         "token gets the environment's BLOCKWRIGHT_TOKEN, or the first line of --token-file FILE.\n\n"

@@ -75,6 +75,8 @@ static const struct {
     {{"unpin", "../jobs"}, "is not a job id"},
     {{"submit", "a", "--pinn"}, "did you mean '--pin'?"},
     {{"ls", "x"}, "one word too many"},
+    {{"capabilities", "x"}, "one word too many"},
+    {{"capabilities", "--jsn"}, "did you mean '--json'?"},
     {{"ls", "--state", "asleep"}, "--state is one of"},
 };
 
@@ -91,7 +93,7 @@ static void a_mistaken_command_line_ends_with_2_and_says_why(void **state) {
 }
 
 static const char *const commands[] = {"run",   "sample", "show", "submit", "watch",
-                                       "fetch", "finish", "cancel", "retry", "rm", "pin", "unpin", "ls", "log"};
+                                       "fetch", "finish", "cancel", "retry", "rm", "pin", "unpin", "ls", "log", "capabilities"};
 
 static void every_command_explains_itself_with_examples(void **state) {
     (void)state;
@@ -115,7 +117,7 @@ static void the_help_lists_every_command(void **state) {
     assert_int_equal(r.exit, 0);
     for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
         char line[32];
-        snprintf(line, sizeof line, "\n  %-8s ", commands[i]);
+        snprintf(line, sizeof line, "\n  %-12s ", commands[i]);
         if (!strstr(r.out, line)) fail_msg("the help does not list %s:\n%s", commands[i], r.out);
     }
     kit_result_clear(&r);
@@ -137,7 +139,8 @@ static void a_daemon_that_is_not_there_is_exit_5(void **state) {
     const char *const calls[][4] = {
         {"submit", file, "--server=http://127.0.0.1:1", NULL},
         {"watch", "0123456789abcdef01234567", "--server=http://127.0.0.1:1", NULL},
-        {"ls", "--server=http://127.0.0.1:1/", NULL}};
+        {"ls", "--server=http://127.0.0.1:1/", NULL},
+        {"capabilities", "--server=http://127.0.0.1:1", NULL}};
     for (size_t i = 0; i < sizeof calls / sizeof *calls; i++) {
         kit_result r = blockwright(calls[i]);
         assert_int_equal(r.exit, 5);
