@@ -56,6 +56,7 @@ typedef struct {
     _Atomic uint64_t stage_scratch;    /* bytes of all files of a stage together */
     _Atomic uint64_t memory;           /* bytes that the stages that run may need together */
     atomic_int stage_cpu_seconds, stage_wall_seconds;
+    atomic_int job_cpu_seconds, job_wall_seconds; /* of all stages of a job together. 0: no limit */
     atomic_int cancel_grace_ms; /* from SIGTERM to SIGKILL for a cancelled stage */
     atomic_int require_sandbox; /* 1: no job is started in less than the whole sandbox */
     atomic_int owner_jobs, owner_running, owner_streams; /* of one owner: jobs that have not ended; stages, streams at the same time. 0: any number */

@@ -132,6 +132,8 @@ static const line stage_lines[] = {
     {"stage_scratch", "all files of a stage", BYTES},
     {"stage_cpu_seconds", "processor time of a stage", SECONDS},
     {"stage_wall_seconds", "time of a stage", SECONDS},
+    {"job_cpu_seconds", "processor time of all stages of a job", SECONDS},
+    {"job_wall_seconds", "time of all stages of a job", SECONDS},
 };
 
 static void print_limits(const json_t *from, const line *lines, size_t count) {

@@ -13,7 +13,7 @@ typedef struct {
     const char *name, *out, *tags, *key;
     int64_t priority;
     uint64_t limit_memory, limit_scratch;  /* 0: the daemon's */
-    int64_t limit_cpu, limit_wall;         /* likewise */
+    int64_t limit_cpu, limit_wall, limit_job_cpu, limit_job_wall; /* likewise */
     cli_job_options job;
     bool wait, quiet, pin;
 } settings;
@@ -34,6 +34,8 @@ static const cli_option options[] = {
     {"limit-scratch", 0, CLI_BYTES, offsetof(settings, limit_scratch), "BYTES", "most bytes of all files that a stage writes", 0, 0},
     {"limit-cpu", 0, CLI_INTEGER, offsetof(settings, limit_cpu), "SECONDS", "most processor time of a stage", 1, 1e9},
     {"limit-wall", 0, CLI_INTEGER, offsetof(settings, limit_wall), "SECONDS", "most time of a stage by the clock", 1, 1e9},
+    {"limit-job-cpu", 0, CLI_INTEGER, offsetof(settings, limit_job_cpu), "SECONDS", "most processor time of all stages together", 1, 1e9},
+    {"limit-job-wall", 0, CLI_INTEGER, offsetof(settings, limit_job_wall), "SECONDS", "most time that all stages run by the clock", 1, 1e9},
     {"wait", 'w', CLI_FLAG, offsetof(settings, wait), NULL, "watch the job; its end decides the exit code", 0,
      0},
     {"out", 'o', CLI_TEXT, offsetof(settings, out), "DIR", "wait, then fetch the results into DIR", 0, 0},
@@ -64,6 +66,8 @@ static json_t *limits(const settings *s) {
     if (s->limit_scratch) json_object_set_new(object, "scratch", json_integer((json_int_t)s->limit_scratch));
     if (s->limit_cpu) json_object_set_new(object, "cpu_seconds", json_integer(s->limit_cpu));
     if (s->limit_wall) json_object_set_new(object, "wall_seconds", json_integer(s->limit_wall));
+    if (s->limit_job_cpu) json_object_set_new(object, "job_cpu_seconds", json_integer(s->limit_job_cpu));
+    if (s->limit_job_wall) json_object_set_new(object, "job_wall_seconds", json_integer(s->limit_job_wall));
     if (json_object_size(object)) return object;
     json_decref(object);
     return NULL;

@@ -17,8 +17,10 @@ Usage: blockwright.sh COMMAND ...
          [--route auto|quality|guaranteed] [--max-map-work N] [--subdivide N] [--max-hexes N] [--smooth on|off]
          [--hex-formats F,F,...] [--bwh-bits N] [--tmesh] [--name TEXT] [--pin] [--wait] [--out DIR]
          [--limit-memory BYTES] [--limit-scratch BYTES] [--limit-cpu SECONDS] [--limit-wall SECONDS]
+         [--limit-job-cpu SECONDS] [--limit-job-wall SECONDS]
                      upload FILE (and the parameters of a Medit mesh), create a job, print its id; --wait follows it,
-                     --out also fetches the results; --limit-...: most of it that each stage may take
+                     --out also fetches the results; --limit-...: most of it that each stage may take, or all of
+                     them together
   watch ID           wait until job ID has ended
   fetch ID --out DIR bring its results home, each checked against its SHA-256
   finish ID          ask its search to settle for the best found; the job goes on with that
@@ -455,7 +457,7 @@ while [ $# -gt 0 ]; do
     --tmesh) tmesh=yes ;;
     --coarsest) size='"scale": 0' ;;
     --fewest-hexes) size='"fewest_hexes": true' ;;
-    --server | --token-file | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters | --limit-memory | --limit-scratch | --limit-cpu | --limit-wall)
+    --server | --token-file | --out | -o | --kind | --complex | --reduce | --explore | --explore-cost | --explore-weights | --explore-expand | --beam | --seed | --explore-work | --explore-time | --quantize | --scale | --target-hexes | --route | --max-map-work | --subdivide | --max-hexes | --smooth | --hex-formats | --bwh-bits | --until | --name | --parameters | --limit-memory | --limit-scratch | --limit-cpu | --limit-wall | --limit-job-cpu | --limit-job-wall)
         [ $# -ge 2 ] || mistake "$1 needs a value"
         case $1 in
         --server) server=$2 ;;
@@ -491,6 +493,7 @@ while [ $# -gt 0 ]; do
         --name) name=$2 ;;
         --limit-memory | --limit-scratch) number "$1" "$2" && limits="${limits:+$limits, }\"${1#--limit-}\": $2" ;;
         --limit-cpu | --limit-wall) number "$1" "$2" && limits="${limits:+$limits, }\"${1#--limit-}_seconds\": $2" ;;
+        --limit-job-cpu | --limit-job-wall) number "$1" "$2" && limits="${limits:+$limits, }\"job_${1#--limit-job-}_seconds\": $2" ;;
         --parameters) parameters=$2 ;;
         esac
         shift

@@ -43,7 +43,7 @@ static bw_status is_cached(bw_dispatch *d, const char *key, bool *cached) {
 /* About how many bytes the job's next stage will take: as told by the stage before, or by the size of what it reads. No more than it may. */
 static bw_status need_of(bw_dispatch *d, const bw_job *job, const json_t *options, uint64_t *need) {
     char key[BW_SHA256_TEXT];
-    uint64_t bytes = 0, more = 0, most = bw_stage_limits_of(d->config, job->limits).memory;
+    uint64_t bytes = 0, more = 0, most = bw_stage_limits_of(d->config, job->limits, &job->spent).memory;
     bw_status status = BW_OK;
     *need = 0;
     if (job->stage > 0 && bw_stage_key(job, options, job->stage - 1, key)) status = bw_queue_output_need(d->queue, key, need);

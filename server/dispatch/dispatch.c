@@ -25,10 +25,12 @@ static bool any_busy(const bw_dispatch *d) {
 
 /* ---- the loop ---- */
 
-static void measure(const bw_slot *s, const bw_spawn_report *exit) {
-    bw_observe(BW_METRIC_STAGE_SECONDS, s->job.stage, bw_mono_ms() - s->started);
-    bw_observe(BW_METRIC_STAGE_PEAK, s->job.stage, exit->peak_bytes);
-    bw_count(BW_METRIC_STAGE_CPU, s->job.stage, 0, (uint64_t)exit->cpu_ms);
+static void measure(bw_slot *s, const bw_spawn_report *exit) {
+    s->peak = exit->peak_bytes;
+    s->spent = (bw_spent){bw_mono_ms() - s->started, exit->cpu_ms};
+    bw_observe(BW_METRIC_STAGE_SECONDS, s->job.stage, s->spent.wall_ms);
+    bw_observe(BW_METRIC_STAGE_PEAK, s->job.stage, s->peak);
+    bw_count(BW_METRIC_STAGE_CPU, s->job.stage, 0, (uint64_t)s->spent.cpu_ms);
 }
 
 static bw_status read_spawner(bw_dispatch *d) {
@@ -41,7 +43,6 @@ static bw_status read_spawner(bw_dispatch *d) {
             bw_slot *s = &d->slots[i];
             if (!s->busy || s->token != r.token) continue;
             measure(s, &r);
-            s->peak = r.peak_bytes;
             status = bw_slot_judge(d, s, r.wait_status);
             break;
         }

@@ -26,7 +26,7 @@ static void tell_end(bw_dispatch *d, const bw_slot *s, const char *outcome, bool
 static bw_status dismiss(bw_dispatch *d, bw_slot *s) {
     bool done;
     bw_slot_log(s, "cancelled"); /* before the job has ended: who follows its log then has all of it */
-    bw_status status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
+    bw_status status = bw_queue_dismiss(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &s->spent, &done);
     tell_end(d, s, "cancelled", done);
     return status;
 }
@@ -44,10 +44,10 @@ bw_status bw_slot_give_up(bw_dispatch *d, bw_slot *s, bw_problem problem, const 
     bw_count(BW_METRIC_FAILURES, (int)problem, 0, 1);
     if (retry) {
         status = bw_queue_retry(d->queue, s->job.id, s->job.attempt, code, now + (RETRY_PAUSE_MS << s->job.tries), now,
-                                &done);
+                                &s->spent, &done);
     } else {
         char *failure = bw_failure_json(problem, bw_slot_stage(s)->name, detail, error, exceeded);
-        status = failure ? bw_queue_fail(d->queue, s->job.id, s->job.attempt, code, failure, now, &done) : BW_E_MEMORY;
+        status = failure ? bw_queue_fail(d->queue, s->job.id, s->job.attempt, code, failure, now, &s->spent, &done) : BW_E_MEMORY;
         free(failure);
         if (done) bw_event(BW_WARN, "job.failed", "job=%s problem=%s", s->job.id, code);
     }
@@ -89,7 +89,7 @@ static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     char *text = manifest ? json_dumps(manifest, JSON_COMPACT) : NULL;
     json_decref(manifest);
     made.manifest = text;
-    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &made, bw_now_ms(), &done);
+    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &made, bw_now_ms(), &s->spent, &done);
     free(text);
     if (status == BW_OK && !done) status = dismiss(d, s); /* as above */
     else tell_end(d, s, "ok", done);
@@ -98,12 +98,13 @@ static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     return status;
 }
 
-/* A limit of the stage was exceeded: what it is called, how much was allowed. */
-static bw_status exceed(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *what, uint64_t allowed) {
+bw_status bw_slot_exceed(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *what, uint64_t allowed) {
     static const char *const words[][2] = {
         {"memory", "the stage needed more than the %llu bytes of memory it may have"},
         {"cpu_seconds", "the stage used up the %llu seconds of processor time it may have"},
         {"wall_seconds", "the stage ran longer than the %llu seconds it may"},
+        {"job_cpu_seconds", "the stages of the job used up the %llu seconds of processor time they may have together"},
+        {"job_wall_seconds", "the stages of the job ran longer than the %llu seconds they may together"},
         {"file", "a file of the stage grew larger than the %llu bytes it may have"},
         {"scratch", "the files of the stage grew larger than the %llu bytes they may have together"},
         {"messages", "the worker said more than the %llu bytes it may"}};
@@ -116,8 +117,8 @@ static bw_status exceed(bw_dispatch *d, bw_slot *s, bw_problem problem, const ch
 /* The worker was ended by a signal that it did not get from the daemon. */
 static bw_status judge_signal(bw_dispatch *d, bw_slot *s, int signal) {
     char detail[120];
-    if (signal == SIGXCPU) return exceed(d, s, BW_PROBLEM_TIME_LIMIT, "cpu_seconds", (uint64_t)s->limits.cpu_seconds);
-    if (signal == SIGXFSZ) return exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "file", s->limits.file);
+    if (signal == SIGXCPU) return bw_slot_exceed(d, s, BW_PROBLEM_TIME_LIMIT, s->limits.cpu.what, s->limits.cpu.allowed);
+    if (signal == SIGXFSZ) return bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "file", s->limits.file);
     if (signal == SIGSYS)
         return bw_slot_give_up(d, s, BW_PROBLEM_SANDBOX_VIOLATION, "the worker made a system call that no stage needs, and was ended for it", NULL, NULL);
     snprintf(detail, sizeof detail, "the worker was ended by signal %d (SIG%s)", signal, sigabbrev_np(signal));
@@ -133,7 +134,7 @@ static bw_status judge_worker(bw_dispatch *d, bw_slot *s, int wait_status) {
     if (WIFSIGNALED(wait_status)) return judge_signal(d, s, WTERMSIG(wait_status));
     if (code && strcmp(code, "ok") == 0 && WEXITSTATUS(wait_status) == 0) {
         bool fits = bw_scratch_bytes(s->folder, s->limits.scratch) <= s->limits.scratch; /* it may have grown since the last look */
-        return fits ? succeed(d, s) : exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
+        return fits ? succeed(d, s) : bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
     }
     if (code && strcmp(code, "memory-limit") == 0)
         return bw_slot_give_up(d, s, BW_PROBLEM_MEMORY_LIMIT, NULL, result, &(bw_exceeded){"memory", s->limits.memory});
@@ -157,11 +158,11 @@ bw_status bw_slot_judge(bw_dispatch *d, bw_slot *s, int wait_status) {
         status = bw_queue_interrupt(d->queue, s->job.id, s->job.attempt, bw_now_ms(), &done);
         tell_end(d, s, "interrupted", done);
     } else if (s->reason == BW_STOP_TIME) {
-        return exceed(d, s, BW_PROBLEM_TIME_LIMIT, "wall_seconds", (uint64_t)s->limits.wall_seconds);
+        return bw_slot_exceed(d, s, BW_PROBLEM_TIME_LIMIT, s->limits.wall.what, s->limits.wall.allowed);
     } else if (s->reason == BW_STOP_SCRATCH) {
-        return exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
+        return bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
     } else if (s->reason == BW_STOP_FLOOD) {
-        return exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "messages", BW_SAID_MOST);
+        return bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "messages", BW_SAID_MOST);
     } else {
         return judge_worker(d, s, wait_status);
     }

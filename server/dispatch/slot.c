@@ -93,27 +93,32 @@ static bool open_session(bw_dispatch *d, bw_slot *s, const bw_api_stage *stage, 
 
 static bw_spawn spawn_of(const bw_dispatch *d, const bw_slot *s) {
     bw_spawn spawn = {.token = s->token, .attempt = s->job.attempt, .memory = s->limits.memory, .file_size = s->limits.file,
-                      .cpu_seconds = s->limits.cpu_seconds, .require_sandbox = d->config->require_sandbox};
+                      .cpu_seconds = (int)((s->limits.cpu.left_ms + 999) / 1000), .require_sandbox = d->config->require_sandbox};
     snprintf(spawn.job, sizeof spawn.job, "%s", s->job.id);
     snprintf(spawn.stage, sizeof spawn.stage, "%s", bw_slot_stage(s)->name);
     snprintf(spawn.options, sizeof spawn.options, "%s", s->job.options);
     return spawn;
 }
 
-/* Asks the spawner for the worker of a claimed job. What cannot be had is a system failure of the attempt. */
+/* Of which time the job has nothing left. NULL: it has some. */
+static const bw_time_limit *used_up(const bw_stage_limits *l) { return !l->wall.left_ms ? &l->wall : !l->cpu.left_ms ? &l->cpu : NULL; }
+
+/* Asks the spawner for the worker of a claimed job. What cannot be had is a system failure of the attempt, what it may not have is one of limits. */
 static bw_status launch(bw_dispatch *d, bw_slot *s, const json_t *options) {
+    const bw_time_limit *over = used_up(&s->limits);
     bool wants_parameters = s->job.stage == 0 && *s->job.parameters;
     uint64_t bytes;
     int channel, errors, log = bw_store_append_log(d->store, s->job.id), input = bw_stage_input(d, &s->job, options, &bytes);
     int parameters = wants_parameters ? bw_store_open_blob(d->store, s->job.parameters, &bytes) : -1;
     bool there = input >= 0 && (parameters >= 0 || !wants_parameters);
     bw_spawn spawn = spawn_of(d, s);
-    bool ready = open_session(d, s, bw_slot_stage(s), log, &channel, &errors) && there && log >= 0 && strlen(s->job.options) < sizeof spawn.options &&
+    bool ready = open_session(d, s, bw_slot_stage(s), log, &channel, &errors) && !over && there && log >= 0 && strlen(s->job.options) < sizeof spawn.options &&
                  bw_attempt_begin(d->store, s->job.id, s->job.attempt, &s->folder) == BW_OK;
     bw_spawn_files files = {channel, input, errors, s->folder, parameters};
     bw_status status = ready ? bw_spawner_spawn(d->spawner, &spawn, &files) : BW_OK;
     bw_close_all((const int[]){input, parameters, channel, errors}, 4);
     if (ready) return status;
+    if (over) return bw_slot_exceed(d, s, BW_PROBLEM_TIME_LIMIT, over->what, over->allowed);
     if (!there) return bw_slot_give_up(d, s, BW_PROBLEM_FILES_LOST, "the input of the stage is gone", NULL, NULL);
     return bw_slot_give_up(d, s, BW_PROBLEM_IO, "cannot prepare the attempt", NULL, NULL);
 }
@@ -131,11 +136,12 @@ bw_status bw_slot_occupy(bw_dispatch *d, bw_slot *s, bw_job *job, const char *ke
     bw_count(BW_METRIC_CLAIMS, s->job.stage, 0, 1);
     if (s->job.attempt == 1) bw_observe(BW_METRIC_QUEUE_WAIT, 0, bw_age_ms(s->job.created));
     if (s->job.tries == 1) bw_count(BW_METRIC_CACHE_MISSES, s->job.stage, 0, 1);
-    s->limits = bw_stage_limits_of(d->config, s->job.limits);
+    s->limits = bw_stage_limits_of(d->config, s->job.limits, &s->job.spent);
     s->need = need;
     s->peak = 0;
+    s->spent = (bw_spent){0};
     s->started = bw_mono_ms();
-    s->deadline = s->started + (int64_t)s->limits.wall_seconds * 1000;
+    s->deadline = s->started + s->limits.wall.left_ms;
     s->look_at = s->started + BW_SCRATCH_LOOK_MS;
     s->kill_at = 0;
     s->asked = false;

@@ -32,6 +32,7 @@ typedef struct {
     bw_stage_limits limits;
     uint64_t need;      /* bytes it was admitted with */
     int64_t peak;       /* bytes of memory that it had at most; 0 until it has ended */
+    bw_spent spent;     /* by its worker; nothing until it has ended */
     int folder;         /* of the attempt; -1: closed */
     bw_session session; /* its progress and note under lock */
     bool asked;         /* it was sent SIGUSR1 */
@@ -97,5 +98,7 @@ bw_status bw_slot_judge(bw_dispatch *d, bw_slot *s, int wait_status);
 /* Books a failure: retried if it is the system's and there are tries left. `detail` or `error` (the worker's result) says what; exceeded may be NULL. */
 bw_status bw_slot_give_up(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *detail, const json_t *error,
                           const bw_exceeded *exceeded);
+/* The same for want of something: what the limit is called, how much was allowed. */
+bw_status bw_slot_exceed(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *what, uint64_t allowed);
 
 #endif

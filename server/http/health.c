@@ -12,18 +12,19 @@
 
 void bw_http_live(bw_request *r) { bw_reply_json(r, 200, json_pack("{s:s}", "version", BW_VERSION)); }
 
+/* A limit of which 0 says that there is none. */
+static json_t *limit_json(uint64_t most) { return most ? json_integer((json_int_t)most) : json_null(); }
+
 /* What confines a worker here: mechanisms in force, and sizes. */
 static json_t *limits_json(const bw_config *c, const bw_sandbox *sandbox) {
-    return json_pack("{s:b, s:b, s:b, s:i, s:b, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:f}", "address_space", sandbox->address_space,
+    return json_pack("{s:b, s:b, s:b, s:i, s:b, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:o, s:o, s:f}", "address_space", sandbox->address_space,
                      "no_new_privileges", sandbox->no_new_privileges, "seccomp", sandbox->seccomp, "landlock", sandbox->landlock,
                      "sandbox_required", c->require_sandbox, "missing", sandbox->missing, "memory", (json_int_t)c->memory, "stage_memory",
                      (json_int_t)c->stage_memory, "stage_output", (json_int_t)c->stage_output, "stage_scratch",
                      (json_int_t)c->stage_scratch, "stage_cpu_seconds", c->stage_cpu_seconds, "stage_wall_seconds",
-                     c->stage_wall_seconds, "cancel_grace_seconds", c->cancel_grace_ms / 1000.0);
+                     c->stage_wall_seconds, "job_cpu_seconds", limit_json((uint64_t)c->job_cpu_seconds), "job_wall_seconds",
+                     limit_json((uint64_t)c->job_wall_seconds), "cancel_grace_seconds", c->cancel_grace_ms / 1000.0);
 }
-
-/* A limit of which 0 says that there is none. */
-static json_t *limit_json(uint64_t most) { return most ? json_integer((json_int_t)most) : json_null(); }
 
 static json_t *request_limits_json(const bw_config *c) {
     return json_pack("{s:I, s:i, s:o, s:o, s:o, s:o, s:i}", "upload_bytes", (json_int_t)c->max_upload, "uploads", c->max_uploads, "owner_bytes",

@@ -72,6 +72,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     if (*note) json_object_set_new(o, "note", json_string(note));
     json_object_set_new(o, "options", json_loads(job->options, 0, NULL));
     if (job->limits) json_object_set_new(o, "limits", json_loads(job->limits, 0, NULL));
+    json_object_set_new(o, "spent", json_pack("{s:f, s:f}", "cpu_seconds", (double)job->spent.cpu_ms / 1000, "wall_seconds", (double)job->spent.wall_ms / 1000));
     set_time(o, "created", job->created);
     set_time(o, "started", job->started);
     set_time(o, "finished", job->finished);

@@ -11,6 +11,7 @@ typedef struct {
     int attempt;
     const char *outcome, *failure;
     const bw_made *made; /* of advance */
+    const bw_spent *spent; /* NULL: nothing */
     int64_t due, now;
     int changes;
 } ending;
@@ -21,6 +22,9 @@ typedef struct {
 static bw_status close_attempt(bw_writer *w, const ending *e, const char *kind) {
     bw_status status = bw_sql_run(&w->sql, NULL, "UPDATE attempts SET finished = ?, outcome = ? WHERE job = ? AND attempt = ?"
                                   " AND finished = 0", "issi", e->now, e->outcome, e->id, (int64_t)e->attempt);
+    if (status == BW_OK && e->spent)
+        status = bw_sql_run(&w->sql, NULL, "UPDATE jobs SET spent_wall_ms = spent_wall_ms + ?, spent_cpu_ms = spent_cpu_ms + ? WHERE id = ?", "iis",
+                            e->spent->wall_ms, e->spent->cpu_ms, e->id);
     return status == BW_OK ? bw_event_add(w, e->id, kind, e->outcome, e->now, NULL) : status;
 }
 
@@ -48,8 +52,9 @@ static bw_status advance(bw_writer *w, void *user) {
                                         e->made->manifest, (int64_t)e->made->need, e->now) : status;
 }
 
-bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const bw_made *made, int64_t now, bool *done) {
-    ending e = {.id = id, .attempt = attempt, .outcome = "ok", .made = made, .now = now};
+bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const bw_made *made, int64_t now, const bw_spent *spent,
+                           bool *done) {
+    ending e = {.id = id, .attempt = attempt, .outcome = "ok", .made = made, .now = now, .spent = spent};
     return finish_attempt(q, advance, &e, done);
 }
 
@@ -60,8 +65,9 @@ static bw_status retry(bw_writer *w, void *user) {
     return status == BW_OK && e->changes ? close_attempt(w, e, "retrying") : status;
 }
 
-bw_status bw_queue_retry(bw_queue *q, const char *id, int attempt, const char *outcome, int64_t due, int64_t now, bool *done) {
-    ending e = {.id = id, .attempt = attempt, .outcome = outcome, .due = due, .now = now};
+bw_status bw_queue_retry(bw_queue *q, const char *id, int attempt, const char *outcome, int64_t due, int64_t now,
+                         const bw_spent *spent, bool *done) {
+    ending e = {.id = id, .attempt = attempt, .outcome = outcome, .due = due, .now = now, .spent = spent};
     return finish_attempt(q, retry, &e, done);
 }
 
@@ -73,8 +79,8 @@ static bw_status fail(bw_writer *w, void *user) {
 }
 
 bw_status bw_queue_fail(bw_queue *q, const char *id, int attempt, const char *outcome, const char *failure, int64_t now,
-                        bool *done) {
-    ending e = {.id = id, .attempt = attempt, .outcome = outcome, .failure = failure, .now = now};
+                        const bw_spent *spent, bool *done) {
+    ending e = {.id = id, .attempt = attempt, .outcome = outcome, .failure = failure, .now = now, .spent = spent};
     return finish_attempt(q, fail, &e, done);
 }
 
@@ -85,8 +91,8 @@ static bw_status dismiss(bw_writer *w, void *user) {
     return status == BW_OK && e->changes ? close_attempt(w, e, "dismissed") : status;
 }
 
-bw_status bw_queue_dismiss(bw_queue *q, const char *id, int attempt, int64_t now, bool *done) {
-    ending e = {.id = id, .attempt = attempt, .outcome = "cancelled", .now = now};
+bw_status bw_queue_dismiss(bw_queue *q, const char *id, int attempt, int64_t now, const bw_spent *spent, bool *done) {
+    ending e = {.id = id, .attempt = attempt, .outcome = "cancelled", .now = now, .spent = spent};
     return finish_attempt(q, dismiss, &e, done);
 }
 
@@ -175,7 +181,7 @@ bw_status bw_write_restart(bw_writer *w, void *user) {
         return BW_OK;
     }
     status = bw_sql_run(&w->sql, NULL, "UPDATE jobs SET state = 0, cancel = 0, finish = 0, tries = 0, interruptions = 0, due = 0,"
-                        " finished = 0, failure = NULL WHERE id = ?", "s", c->id);
+                        " finished = 0, failure = NULL, spent_wall_ms = 0, spent_cpu_ms = 0 WHERE id = ?", "s", c->id);
     return status == BW_OK ? bw_event_add(w, c->id, "restarted", NULL, c->now, NULL) : status;
 }
 

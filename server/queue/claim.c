@@ -134,7 +134,7 @@ bw_status bw_queue_reuse(bw_queue *q, bw_job *job, const char *key, bool results
 
 static bw_status go_back(bw_writer *w, void *user) {
     taking *t = user;
-    bw_status status = bw_sql_run(&w->sql, &t->changes, "UPDATE jobs SET stage = 0, state_key = '', tries = 0 WHERE id = ? AND attempt = ?"
+    bw_status status = bw_sql_run(&w->sql, &t->changes, "UPDATE jobs SET stage = 0, state_key = '', tries = 0, spent_wall_ms = 0, spent_cpu_ms = 0 WHERE id = ? AND attempt = ?"
                                   " AND open = 0 AND state IN (0, 1)", "si", t->job->id, (int64_t)t->job->attempt);
     return status == BW_OK && t->changes ? bw_event_add(w, t->job->id, "rewound", NULL, t->now, NULL) : status;
 }
@@ -143,6 +143,9 @@ bw_status bw_queue_rewind(bw_queue *q, bw_job *job, int64_t now, bool *done) {
     taking t = {.job = job, .now = now};
     bw_status status = bw_queue_write(q, go_back, &t);
     *done = status == BW_OK && t.changes == 1;
-    if (*done) job->stage = job->tries = 0;
+    if (*done) {
+        job->stage = job->tries = 0;
+        job->spent = (bw_spent){0};
+    }
     return status;
 }

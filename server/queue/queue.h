@@ -28,7 +28,7 @@
  *     queued, running   the same           bw_queue_finish    finish noted, for this stage and all that follow
  *     running, open     queued             bw_queue_recover, bw_queue_interrupt   the daemon went away or stops
  *     running, open     dismissed          bw_queue_recover   ... with a cancel noted; a finish noted stays so through all of these
- *     failed, dismissed queued             bw_queue_restart   tries, cancel and finish start anew; attempts go on counting
+ *     failed, dismissed queued             bw_queue_restart   tries, cancel, finish and spent start anew; attempts go on counting
  *     ended             -                  bw_queue_delete    its id stays in `gone`
  *     queued, running   the same           bw_queue_rewind    begins again at stage 0
  *     successful, queued failed            bw_queue_mend      at start: files are gone (retention.h)
@@ -49,6 +49,10 @@ enum { BW_TRIES_MOST = 3, BW_INTERRUPTIONS_MOST = 50, BW_SCAN_MOST = 1000, BW_PA
 typedef struct bw_queue bw_queue;
 
 typedef struct {
+    int64_t wall_ms, cpu_ms;
+} bw_spent; /* by workers */
+
+typedef struct {
     int64_t seq; /* order of acceptance */
     char id[BW_JOB_ID_TEXT];
     char input[BW_SHA256_TEXT];
@@ -60,6 +64,7 @@ typedef struct {
     int attempt, tries;
     int cut; /* 1 + the first stage whose search was cut by `finish`: from it on, outputs are for this job only. 0: none */
     int64_t created, started, finished; /* ms; 0: not yet */
+    bw_spent spent; /* by its attempts since it was accepted, restarted or rewound last; by those that the daemon's end interrupted nothing */
     char *name;                         /* may be NULL */
     char *limits;                       /* JSON: those that the job has asked for (server/limits.h); NULL: none */
     char *options;                      /* canonical JSON */
@@ -235,13 +240,14 @@ typedef struct {
 } bw_made;
 
 /* Ends of an attempt. A cancel that was noted wins: advance and fail change nothing then (*done is false), the attempt is to be
- * dismissed. A retry's `due` is at most BW_PAUSE_MOST_MS ahead. */
-bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const bw_made *made, int64_t now, bool *done);
+ * dismissed. A retry's `due` is at most BW_PAUSE_MOST_MS ahead. `spent`: by the attempt, added to what the job has spent; NULL: nothing. */
+bw_status bw_queue_advance(bw_queue *queue, const char *id, int attempt, const bw_made *made, int64_t now, const bw_spent *spent,
+                           bool *done);
 bw_status bw_queue_retry(bw_queue *queue, const char *id, int attempt, const char *outcome, int64_t due, int64_t now,
-                         bool *done);
+                         const bw_spent *spent, bool *done);
 bw_status bw_queue_fail(bw_queue *queue, const char *id, int attempt, const char *outcome, const char *failure,
-                        int64_t now, bool *done);
-bw_status bw_queue_dismiss(bw_queue *queue, const char *id, int attempt, int64_t now, bool *done);
+                        int64_t now, const bw_spent *spent, bool *done);
+bw_status bw_queue_dismiss(bw_queue *queue, const char *id, int attempt, int64_t now, const bw_spent *spent, bool *done);
 bw_status bw_queue_interrupt(bw_queue *queue, const char *id, int attempt, int64_t now, bool *done);
 
 /* ---- what owners ask for ---- */

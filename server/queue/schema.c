@@ -110,7 +110,11 @@ static const char *const migrations[] = {
     "CREATE TRIGGER outputs_changed AFTER UPDATE OF bytes ON outputs BEGIN"
     " UPDATE totals SET value = value + new.bytes - old.bytes WHERE name = 'cache'; END;"
     "CREATE TRIGGER outputs_removed AFTER DELETE ON outputs BEGIN"
-    " UPDATE totals SET value = value - old.bytes WHERE name = 'cache'; END;"};
+    " UPDATE totals SET value = value - old.bytes WHERE name = 'cache'; END;",
+
+    /* 8: what the workers of a job have taken. */
+    "ALTER TABLE jobs ADD COLUMN spent_wall_ms INTEGER NOT NULL DEFAULT 0;"
+    "ALTER TABLE jobs ADD COLUMN spent_cpu_ms INTEGER NOT NULL DEFAULT 0;"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which indexes and triggers above spell out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&

@@ -101,7 +101,7 @@ for tail in /cancel /finish /retry; do ask 410 -X POST "$jobs/$job$tail"; done
 for tail in /pin ""; do ask 410 -X DELETE "$jobs/$job$tail"; done
 ask 410 -X PUT "$jobs/$job/pin"
 ask 201 -H "$json" -H 'Prefer: wait=30' -d "{\"input\": \"$hash\", \"name\": \"all\", \"tags\": [\"a\", \"b\"], \"priority\": 5, \"pinned\": true,
-    \"limits\": {\"memory\": 2000000000, \"wall_seconds\": 100}, \"options\": {\"quantize\": \"any\", \"scales\": [1, 2]}}" "$jobs"
+    \"limits\": {\"memory\": 2000000000, \"wall_seconds\": 100, \"job_wall_seconds\": 300, \"job_cpu_seconds\": 200}, \"options\": {\"quantize\": \"any\", \"scales\": [1, 2]}}" "$jobs"
 job=$(value id)
 ask 200 -H 'Prefer: wait=30' "$jobs/$job"
 ask 200 "$jobs/$job/results"

@@ -328,11 +328,13 @@ static char *job_text(const char *id) {
 
 static void limits_reach_the_job_and_end_it(void **state) {
     (void)state;
-    static const char *const members[] = {"\"memory\": 268435456", "\"scratch\": 134217728", "\"cpu_seconds\": 77", "\"wall_seconds\": 99"};
+    static const char *const members[] = {"\"memory\": 268435456", "\"scratch\": 134217728", "\"cpu_seconds\": 77", "\"wall_seconds\": 99",
+                                          "\"job_cpu_seconds\": 770", "\"job_wall_seconds\": 990"};
     for (client c = 0; c < CLIENTS; c++) {
         char id[ID_MAX];
         kit_result r = call_well(c, (const char *[]){"submit", part, "--until", "sanitize", "--limit-memory", c == C_CLIENT ? "256M" : "268435456",
-                                                     "--limit-scratch", "134217728", "--limit-cpu", "77", "--limit-wall", "99", "--wait", "--quiet", NULL});
+                                                     "--limit-scratch", "134217728", "--limit-cpu", "77", "--limit-wall", "99",
+                                                     "--limit-job-cpu", "770", "--limit-job-wall", "990", "--wait", "--quiet", NULL});
         take_id(&r, id);
         char *job = job_text(id);
         for (size_t i = 0; i < sizeof members / sizeof *members; i++)

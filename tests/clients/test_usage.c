@@ -71,6 +71,7 @@ static const struct {
     {{"submit", "a", "--limit-scratch", "1Q"}, "--limit-scratch takes a number of bytes"},
     {{"submit", "a", "--limit-cpu", "0"}, "--limit-cpu takes a whole number from 1"},
     {{"submit", "a", "--limit-wall", "1.5"}, "--limit-wall takes a whole number from 1"},
+    {{"submit", "a", "--limit-job-wall", "0"}, "--limit-job-wall takes a whole number from 1"},
     {{"pin"}, "something is missing"},
     {{"unpin", "../jobs"}, "is not a job id"},
     {{"submit", "a", "--pinn"}, "did you mean '--pin'?"},

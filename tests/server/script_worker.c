@@ -12,6 +12,7 @@
  *     raise SIGNAL    send this signal to itself
  *     exit CODE       end without a result
  *     spin            use processor time for ever
+ *     burn MS         use that much of it
  *     allocate BYTES  take that much memory, "memory-limit" if refused
  *     fill BYTES      write a file of this size
  *     garbage         send bytes that are no frame
@@ -118,6 +119,12 @@ static void fill(long bytes) {
     close(fd);
 }
 
+static void burn(long ms) {
+    struct timespec now;
+    do clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    while (now.tv_sec * 1000 + now.tv_nsec / 1000000 < ms);
+}
+
 static void allocate(size_t bytes) {
     void *block = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (block == MAP_FAILED) finish("memory-limit");
@@ -218,6 +225,7 @@ static void obey(const char *verb, const char *argument) {
     else if (!strcmp(verb, "raise")) raise((int)number);
     else if (!strcmp(verb, "exit")) exit((int)number);
     else if (!strcmp(verb, "spin")) for (volatile unsigned i = 0;; i++) continue;
+    else if (!strcmp(verb, "burn")) burn(number);
     else if (!strcmp(verb, "allocate")) allocate((size_t)number);
     else if (!strcmp(verb, "fill")) fill(number);
     else if (!strcmp(verb, "garbage")) write(BW_WORKER_CHANNEL, "no frame at all", 15) < 0 ? exit(5) : pause();

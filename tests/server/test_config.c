@@ -153,6 +153,10 @@ static void units_are_understood(void **state) {
     assert_true(config.stage_output == (uint64_t)2 << 40);
     assert_int_equal(config.stage_cpu_seconds, 120);
     assert_int_equal(config.stage_wall_seconds, 86400);
+    assert_true(load("--job-wall-seconds 1d --job-cpu-seconds 0"));
+    assert_int_equal(config.job_wall_seconds, 86400);
+    assert_string_equal(value_of("job-wall-seconds"), "1d");
+    assert_string_equal(value_of("job-cpu-seconds"), "0s");
     assert_true(load("--stop-grace 1500ms"));
     assert_int_equal(config.stop_grace_ms, 1500);
     assert_string_equal(value_of("stop-grace"), "1500ms");

@@ -104,7 +104,7 @@ static void a_job_goes_through_its_stages_to_success(void **state) {
     claim(&job);
     expect(job.id, BW_JOB_RUNNING, true, 0);
     assert_int_equal(waiting(9000), 0);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done), BW_OK);
     uint64_t need;
     assert_int_equal(bw_queue_output_need(q, hash, &need), BW_OK);
     assert_int_equal(need, 77);
@@ -115,7 +115,7 @@ static void a_job_goes_through_its_stages_to_success(void **state) {
     bw_job_clear(&job);
     job = get(job.id);
     claim(&job);
-    assert_int_equal(bw_queue_advance(q, job.id, 2, &(bw_made){hash, 5, 77, "[]", false}, 4000, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 2, &(bw_made){hash, 5, 77, "[]", false}, 4000, NULL, &done), BW_OK);
     bw_job now = get(job.id);
     assert_int_equal(now.state, BW_JOB_SUCCESSFUL);
     assert_int_equal(now.finished, 4000);
@@ -135,13 +135,13 @@ static void an_attempt_that_is_not_the_jobs_any_more_changes_nothing(void **stat
     assert_int_equal(bw_queue_recover(q, 2500, &recovered), BW_OK);
     assert_int_equal(recovered, 1);
     for (int again = 0; again < 2; again++) {
-        bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, &done);
+        bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done);
         assert_false(done);
-        bw_queue_fail(q, job.id, 1, "io", "{}", 3000, &done);
+        bw_queue_fail(q, job.id, 1, "io", "{}", 3000, NULL, &done);
         assert_false(done);
-        bw_queue_retry(q, job.id, 1, "io", 0, 3000, &done);
+        bw_queue_retry(q, job.id, 1, "io", 0, 3000, NULL, &done);
         assert_false(done);
-        bw_queue_dismiss(q, job.id, 1, 3000, &done);
+        bw_queue_dismiss(q, job.id, 1, 3000, NULL, &done);
         assert_false(done);
         bw_queue_interrupt(q, job.id, 1, 3000, &done);
         assert_false(done);
@@ -177,7 +177,7 @@ static void tries_are_counted_at_the_claim_and_given_back_when_the_daemon_died(v
     int recovered;
     insert(&job, 4);
     claim(&job);
-    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 5000, 2100, &done), BW_OK);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 5000, 2100, NULL, &done), BW_OK);
     assert_int_equal(waiting(4999), 0);
     assert_int_equal(waiting(5000), 1);
     bw_job_clear(&job);
@@ -191,6 +191,58 @@ static void tries_are_counted_at_the_claim_and_given_back_when_the_daemon_died(v
     job = get(job.id);
     assert_int_equal(job.tries, 1);
     assert_int_equal(job.attempt, 2);
+    bw_job_clear(&job);
+}
+
+static void expect_spent(const char *id, int64_t wall_ms, int64_t cpu_ms) {
+    bw_job job = get(id);
+    assert_int_equal(job.spent.wall_ms, wall_ms);
+    assert_int_equal(job.spent.cpu_ms, cpu_ms);
+    bw_job_clear(&job);
+}
+
+static void claim_again(const char *id) {
+    bw_job job = get(id);
+    claim(&job);
+    bw_job_clear(&job);
+}
+
+static void what_workers_take_adds_up_until_the_job_begins_anew(void **state) {
+    (void)state;
+    const bw_spent spent = {1000, 300};
+    bw_job job;
+    bool done;
+    int recovered;
+    insert(&job, 4);
+    claim(&job);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 0, 2100, &spent, &done), BW_OK);
+    expect_spent(job.id, 1000, 300);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 0, 2100, &spent, &done), BW_OK); /* not the open attempt any more */
+    expect_spent(job.id, 1000, 300);
+    claim_again(job.id);
+    assert_int_equal(bw_queue_interrupt(q, job.id, 2, 2200, &done), BW_OK);
+    claim_again(job.id);
+    assert_int_equal(bw_queue_recover(q, 2300, &recovered), BW_OK);
+    expect_spent(job.id, 1000, 300); /* what the daemon's end cost is not the job's */
+    claim_again(job.id);
+    assert_int_equal(bw_queue_advance(q, job.id, 4, &(bw_made){hash, 5, 77, NULL, false}, 2400, &spent, &done), BW_OK);
+    reopen();
+    expect_spent(job.id, 2000, 600);
+    bw_job now = get(job.id);
+    assert_int_equal(bw_queue_rewind(q, &now, 2450, &done), BW_OK);
+    assert_int_equal(now.spent.wall_ms, 0);
+    expect_spent(job.id, 0, 0);
+    claim(&now);
+    bw_job_clear(&now);
+    assert_int_equal(bw_queue_fail(q, job.id, 5, "time-limit", "{}", 2500, &spent, &done), BW_OK);
+    assert_true(done);
+    expect_spent(job.id, 1000, 300);
+    bw_change again = {.id = job.id, .now = 2600};
+    assert_int_equal(bw_queue_write(q, bw_write_restart, &again), BW_OK);
+    expect_spent(job.id, 0, 0);
+    claim_again(job.id);
+    assert_int_equal(bw_queue_dismiss(q, job.id, 6, 2700, &spent, &done), BW_OK);
+    expect_spent(job.id, 1000, 300);
     bw_job_clear(&job);
 }
 
@@ -238,7 +290,7 @@ static void cancelling_is_idempotent_in_every_state(void **state) {
     bw_job_clear(&job);
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[]", false}, 3000, &done);
+    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[]", false}, 3000, NULL, &done);
     bw_queue_cancel(q, job.id, 3100, &result);
     assert_int_equal(result, BW_CANCEL_TOO_LATE);
     expect(job.id, BW_JOB_SUCCESSFUL, false, 1);
@@ -255,11 +307,11 @@ static void a_cancel_that_was_noted_wins_over_the_end_of_the_attempt(void **stat
         claim(&job);
         bw_queue_cancel(q, job.id, 2500, &result);
         assert_int_equal(result, BW_CANCEL_NOTED);
-        if (end == 0) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 3000, &done), BW_OK);
-        else assert_int_equal(bw_queue_fail(q, job.id, 1, "syntax", "{}", 3000, &done), BW_OK);
+        if (end == 0) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 3000, NULL, &done), BW_OK);
+        else assert_int_equal(bw_queue_fail(q, job.id, 1, "syntax", "{}", 3000, NULL, &done), BW_OK);
         assert_false(done);
         expect(job.id, BW_JOB_RUNNING, true, 0);
-        assert_int_equal(bw_queue_dismiss(q, job.id, 1, 3001, &done), BW_OK);
+        assert_int_equal(bw_queue_dismiss(q, job.id, 1, 3001, NULL, &done), BW_OK);
         assert_true(done);
         expect(job.id, BW_JOB_DISMISSED, false, 0);
         bw_job_clear(&job);
@@ -273,7 +325,7 @@ static void a_retry_comes_also_when_the_clock_was_set_back(void **state) {
     bool done;
     insert(&job, 4);
     claim(&job);
-    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", day + 1000, day, &done), BW_OK);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", day + 1000, day, NULL, &done), BW_OK);
     assert_int_equal(waiting(day), 0);
     assert_int_equal(waiting(5000), 1);
     bw_job_clear(&job);
@@ -302,14 +354,14 @@ static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
     bw_queue_finish(q, job.id, &result);
     assert_int_equal(result, BW_FINISH_NOTED);
     expect(job.id, BW_JOB_RUNNING, true, 0);
-    bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, false}, 3000, &done);
+    bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done);
     assert_true(done);
     bw_job_clear(&now);
     for (int i = 0; i < 2; i++) { /* the first stage that was cut is remembered */
         now = get(job.id);
         assert_true(now.finish && now.cut == (i ? 2 : 0) && now.stage == 1 + i);
         claim(&now);
-        bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, true}, 3100, &done);
+        bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, true}, 3100, NULL, &done);
         assert_true(done);
         bw_job_clear(&now);
     }
@@ -319,7 +371,7 @@ static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
     job = get(id);
     assert_int_equal(job.cut, 2);
     claim(&job);
-    bw_queue_advance(q, job.id, job.attempt, &(bw_made){hash, 5, 77, "[]", false}, 3200, &done);
+    bw_queue_advance(q, job.id, job.attempt, &(bw_made){hash, 5, 77, "[]", false}, 3200, NULL, &done);
     expect(job.id, BW_JOB_SUCCESSFUL, false, 4);
     bw_queue_finish(q, job.id, &result);
     assert_int_equal(result, BW_FINISH_TOO_LATE);
@@ -337,7 +389,7 @@ static void a_cancel_ends_a_job_that_was_asked_to_finish(void **state) {
     bw_queue_finish(q, job.id, &result);
     bw_queue_cancel(q, job.id, 2500, &cancel);
     assert_int_equal(cancel, BW_CANCEL_NOTED);
-    assert_int_equal(bw_queue_dismiss(q, job.id, job.attempt, 2600, &done), BW_OK);
+    assert_int_equal(bw_queue_dismiss(q, job.id, job.attempt, 2600, NULL, &done), BW_OK);
     expect(job.id, BW_JOB_DISMISSED, false, 0);
     bw_queue_finish(q, job.id, &result);
     assert_int_equal(result, BW_FINISH_TOO_LATE);
@@ -357,7 +409,7 @@ static void cache_rows_without_files_are_forgotten(void **state) {
     char *manifest;
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[7]", false}, 3000, &done);
+    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[7]", false}, 3000, NULL, &done);
     assert_int_equal(bw_queue_output(q, hash, &found, &manifest), BW_OK);
     assert_true(found);
     assert_string_equal(manifest, "[7]");
@@ -417,6 +469,7 @@ static void a_file_of_version_1_keeps_its_jobs_and_goes_on(void **state) {
     assert_string_equal(now.input, "abc");
     assert_string_equal(now.parameters, "");
     assert_string_equal(now.owner, "");
+    assert_int_equal(now.spent.wall_ms, 0);
     claim(&now);
     bw_job_clear(&now);
     insert(&next, 4);
@@ -438,6 +491,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_job_is_claimed_only_once, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(tries_are_counted_at_the_claim_and_given_back_when_the_daemon_died, open_queue,
                                         close_queue),
+        cmocka_unit_test_setup_teardown(what_workers_take_adds_up_until_the_job_begins_anew, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(a_daemon_that_dies_of_a_job_again_and_again_gives_it_up, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(cancelling_is_idempotent_in_every_state, open_queue, close_queue),
         cmocka_unit_test_setup_teardown(a_cancel_that_was_noted_wins_over_the_end_of_the_attempt, open_queue, close_queue),

@@ -97,7 +97,7 @@ static void a_job_that_pauses_is_no_candidate_and_its_time_is_known(void **state
     bool done;
     put_job(&job, "a", 4);
     assert_int_equal(bw_queue_claim(q, &job, 100, &done), BW_OK);
-    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 5000, 200, &done), BW_OK);
+    assert_int_equal(bw_queue_retry(q, job.id, 1, "io", 5000, 200, NULL, &done), BW_OK);
     assert_int_equal(bw_queue_next_due(q, 4999, &due), BW_OK);
     assert_int_equal(due, 5000);
     assert_int_equal(bw_queue_next_due(q, 5000, &due), BW_OK);
@@ -133,7 +133,7 @@ static void a_batch_over_the_limit_of_jobs_is_refused_whole(void **state) {
     bool done;
     assert_int_equal(bw_queue_claim(q, jobs, 1, &done), BW_OK);
     assert_int_equal(submit(jobs + 4, 1, limits), BW_SUBMIT_TOO_MANY); /* running ones count too */
-    assert_int_equal(bw_queue_dismiss(q, jobs->id, 1, 2, &done), BW_OK);
+    assert_int_equal(bw_queue_dismiss(q, jobs->id, 1, 2, NULL, &done), BW_OK);
     assert_int_equal(submit(jobs + 4, 1, limits), BW_SUBMIT_ACCEPTED);
     bw_change again = {.id = jobs->id, .now = 3, .limits = limits};
     assert_int_equal(bw_queue_write(q, bw_write_restart, &again), BW_OK);
@@ -207,17 +207,17 @@ static void a_restarted_job_keeps_its_stages_and_counts_its_attempts_on(void **s
     bool done;
     put_job(&job, "a", 3);
     assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, NULL, false}, 2, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, NULL, false}, 2, NULL, &done), BW_OK);
     now = get_job(job.id);
     assert_int_equal(bw_queue_claim(q, &now, 3, &done), BW_OK);
-    assert_int_equal(bw_queue_fail(q, job.id, 2, "syntax", "{}", 4, &done), BW_OK);
+    assert_int_equal(bw_queue_fail(q, job.id, 2, "syntax", "{}", 4, NULL, &done), BW_OK);
     bw_job_clear(&now);
     bw_change again = {.id = job.id, .now = 5};
     assert_int_equal(bw_queue_write(q, bw_write_restart, &again), BW_OK);
     assert_int_equal(again.result, BW_CHANGE_DONE);
     now = get_job(job.id);
     assert_true(now.state == BW_JOB_QUEUED && now.stage == 1 && now.attempt == 2 && now.tries == 0 && !now.failure && !now.finished);
-    bw_queue_fail(q, job.id, 2, "syntax", "{}", 6, &done); /* the old attempt can end nothing */
+    bw_queue_fail(q, job.id, 2, "syntax", "{}", 6, NULL, &done); /* the old attempt can end nothing */
     assert_false(done);
     assert_int_equal(bw_queue_claim(q, &now, 7, &done), BW_OK);
     assert_true(done && now.attempt == 3);
@@ -235,7 +235,7 @@ static void only_an_ended_job_is_removed_and_its_id_is_remembered(void **state) 
     assert_int_equal(bw_queue_write(q, bw_write_delete, &remove), BW_OK);
     assert_int_equal(remove.result, BW_CHANGE_TOO_EARLY);
     assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 2, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 2, NULL, &done), BW_OK);
     assert_int_equal(bw_queue_is_gone(q, job.id, &gone), BW_OK);
     assert_false(gone);
     assert_int_equal(bw_queue_write(q, bw_write_delete, &remove), BW_OK);

@@ -150,9 +150,9 @@ static void do_stage(model *m) {
         int end = (int)pick(8);
         bw_made made = {.key = key, .bytes = 1000 + pick(9000), .manifest = m->stage == 1 ? "[]" : NULL};
         if (end > 1) make_file("cache", key, made.bytes);
-        if (end == 0) assert_int_equal(bw_queue_fail(q, job.id, job.attempt, "syntax", "{}", now, &done), BW_OK);
-        else if (end == 1) assert_int_equal(bw_queue_dismiss(q, job.id, job.attempt, now, &done), BW_OK);
-        else assert_int_equal(bw_queue_advance(q, job.id, job.attempt, &made, now, &done), BW_OK);
+        if (end == 0) assert_int_equal(bw_queue_fail(q, job.id, job.attempt, "syntax", "{}", now, NULL, &done), BW_OK);
+        else if (end == 1) assert_int_equal(bw_queue_dismiss(q, job.id, job.attempt, now, NULL, &done), BW_OK);
+        else assert_int_equal(bw_queue_advance(q, job.id, job.attempt, &made, now, NULL, &done), BW_OK);
         assert_true(done);
         if (end > 1) {
             output_bytes[output] = (int64_t)made.bytes;
@@ -431,7 +431,7 @@ static void a_start_puts_rows_and_files_in_pairs_and_fails_what_cannot_be(void *
     assert_int_equal(bw_queue_insert(q, &fine), BW_OK);
     assert_int_equal(bw_queue_claim(q, &ended, 100, &done), BW_OK);
     made.key = names[2]; /* its results have no file */
-    assert_int_equal(bw_queue_advance(q, ended.id, 1, &made, 200, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, ended.id, 1, &made, 200, NULL, &done), BW_OK);
     assert_int_equal(bw_reconcile(store, q, 5000), BW_OK);
     assert_false(there("cache", names[3]));
     assert_true(there("blobs", names[0]));

@@ -137,6 +137,108 @@ static void a_job_may_ask_for_less_and_not_for_more(void **state) {
     kit_expect_problem(submit_with("# no\n", "[]"), 400, "invalid-option");
 }
 
+/* ---- of all stages together ---- */
+
+static void submit_until_trace(const kit_daemon *daemon, const char *script, const char *limits, char id[32]) {
+    char hash[BW_SHA256_TEXT], body[300];
+    kit_upload(daemon, script, hash);
+    int n = snprintf(body, sizeof body, "{\"input\":\"%s\",\"options\":{\"until\":\"trace\"},\"limits\":%s}", hash, limits);
+    kit_reply r = kit_request(daemon, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n);
+    assert_int_equal(r.status, 201);
+    json_t *job = kit_json(&r);
+    snprintf(id, 32, "%s", kit_text(job, "id"));
+    json_decref(job);
+}
+
+/* The job fails in trace because all of it took more than `allowed` seconds. Returns it. */
+static json_t *expect_total(const kit_daemon *daemon, const char *id, const char *what, json_int_t allowed) {
+    json_t *job = kit_wait(daemon, id, 60), *failure = json_object_get(job, "failure"), *exceeded = json_object_get(failure, "limit");
+    assert_string_equal(kit_text(failure, "type"), "/problems/time-limit");
+    assert_string_equal(kit_text(failure, "class"), "limit");
+    assert_string_equal(kit_text(failure, "stage"), "trace");
+    assert_string_equal(kit_text(exceeded, "what"), what);
+    assert_int_equal(json_integer_value(json_object_get(exceeded, "allowed")), allowed);
+    assert_non_null(strstr(kit_text(failure, "detail"), "together"));
+    return job;
+}
+
+static double spent(const json_t *job, const char *what) { return json_number_value(json_object_get(json_object_get(job, "spent"), what)); }
+
+static void stages_that_take_too_much_together_are_stopped(void **state) {
+    (void)state;
+    char id[32], path[80];
+    submit_until_trace(&d, "sanitize burn 1300\ntrace burn 1300\n", "{\"job_cpu_seconds\":2}", id);
+    json_t *job = expect_total(&d, id, "job_cpu_seconds", 2);
+    assert_true(spent(job, "cpu_seconds") >= 2); /* the kernel counts whole seconds, so it had 1.3 and 1 */
+    json_decref(job);
+    submit_until_trace(&d, "sanitize sleep 2000\ntrace sleep 2000\n", "{\"job_wall_seconds\":3}", id);
+    job = expect_total(&d, id, "job_wall_seconds", 3);
+    assert_int_equal(json_array_size(json_object_get(job, "attempts")), 2);
+    json_decref(job);
+    snprintf(path, sizeof path, "/v1/jobs/%s/retry", id); /* has all of it again, and its first stage is done */
+    kit_reply r = kit_request(&d, "POST", path, NULL, NULL, 0);
+    job = kit_json(&r);
+    assert_true(spent(job, "wall_seconds") == 0);
+    json_decref(job);
+    job = kit_wait(&d, id, 60);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    json_decref(job);
+    submit_until_trace(&d, "sanitize sleep 2000\ntrace sleep 2000\n", "{\"job_wall_seconds\":1}", id); /* all in the cache */
+    job = kit_wait(&d, id, 60);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    assert_true(spent(job, "wall_seconds") == 0);
+    json_decref(job);
+}
+
+static void tries_that_failed_count_for_the_whole_job(void **state) {
+    (void)state;
+    char id[32];
+    submit_until_trace(&d, "trace sleep 1500\ntrace raise 9\n", "{\"job_wall_seconds\":4}", id);
+    json_t *job = expect_total(&d, id, "job_wall_seconds", 4), *attempts = json_object_get(job, "attempts");
+    size_t n = json_array_size(attempts);
+    assert_true(n > 2 && n <= 4);
+    assert_string_equal(kit_text(json_array_get(attempts, 1), "outcome"), "worker-died");
+    assert_string_equal(kit_text(json_array_get(attempts, n - 1), "outcome"), "time-limit");
+    json_decref(job);
+}
+
+static void write_settings(const char *path, const char *text) {
+    FILE *f = fopen(path, "w");
+    assert_non_null(f);
+    fputs(text, f);
+    fclose(f);
+}
+
+/* The daemon's own limit is lowered below what the job has taken already while its first stage runs. */
+static void a_job_that_has_nothing_left_starts_no_stage(void **state) {
+    (void)state;
+    kit_daemon other;
+    char id[32], path[] = "/tmp/bw-test-settings-XXXXXX";
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    close(fd);
+    write_settings(path, "job-wall-seconds = 1h\n");
+    kit_start(&other, NULL, (const char *const[]){"--config", path, NULL});
+    submit_until_trace(&other, "sanitize sleep 2500\ntrace log it was started\n", "{}", id);
+    kit_wait_state(&other, id, "running", 10);
+    write_settings(path, "job-wall-seconds = 1\n");
+    kill(other.pid, SIGHUP);
+    json_t *job = expect_total(&other, id, "job_wall_seconds", 1), *attempts = json_object_get(job, "attempts");
+    assert_int_equal(json_array_size(attempts), 2);
+    assert_true(spent(job, "wall_seconds") >= 2.5);
+    kit_reply log = kit_get(&other, "/v1/jobs/%s/log", id);
+    assert_null(strstr(log.body, "it was started"));
+    assert_non_null(strstr(log.body, "time-limit"));
+    kit_free(&log);
+    json_t *limits = limits_of(&other);
+    assert_int_equal(json_integer_value(json_object_get(limits, "job_wall_seconds")), 1);
+    assert_true(json_is_null(json_object_get(limits, "job_cpu_seconds")));
+    json_decref(limits);
+    json_decref(job);
+    kit_remove(&other);
+    unlink(path);
+}
+
 static void a_log_is_cut_before_it_fills_the_disk(void **state) {
     (void)state;
     char id[32];
@@ -284,6 +386,9 @@ int main(void) {
         cmocka_unit_test(a_worker_that_takes_too_much_is_stopped_as_a_limit),
         cmocka_unit_test(a_worker_that_takes_too_much_memory_is_refused_it),
         cmocka_unit_test(a_job_may_ask_for_less_and_not_for_more),
+        cmocka_unit_test(stages_that_take_too_much_together_are_stopped),
+        cmocka_unit_test(tries_that_failed_count_for_the_whole_job),
+        cmocka_unit_test(a_job_that_has_nothing_left_starts_no_stage),
         cmocka_unit_test(a_log_is_cut_before_it_fills_the_disk),
         cmocka_unit_test(a_worker_that_makes_a_forbidden_call_is_ended),
         cmocka_unit_test(a_worker_reaches_no_file_but_its_own),
