@@ -16,6 +16,8 @@ struct cli_http {
     char server[1024];
     char token[200]; /* "": none */
     char ca_file[1024];
+    CURLcode code; /* of the last call */
+    bool answers;  /* it has, at least once */
     char error[CURL_ERROR_SIZE];
     char text[CURL_ERROR_SIZE + 64];
     struct curl_slist *headers; /* of the next call */
@@ -90,6 +92,19 @@ const char *cli_http_server(const cli_http *http) {
 }
 const char *cli_http_error(const cli_http *http) {
     return http->text;
+}
+
+bool cli_http_lost(const cli_http *http) {
+    switch (http->code) {
+    case CURLE_GOT_NOTHING:
+    case CURLE_SEND_ERROR:
+    case CURLE_RECV_ERROR:
+    case CURLE_PARTIAL_FILE: return true;
+    case CURLE_COULDNT_CONNECT:
+    case CURLE_SSL_CONNECT_ERROR:
+    case CURLE_OPERATION_TIMEDOUT: return http->answers;
+    default: return false;
+    }
 }
 
 void cli_reply_clear(cli_reply *reply) {
@@ -176,6 +191,8 @@ static void prepare(cli_http *http, const char *method, const char *path, sink *
 static bool perform(cli_http *http, cli_reply *reply) {
     CURLcode code = curl_easy_perform(http->curl);
     curl_easy_getinfo(http->curl, CURLINFO_RESPONSE_CODE, &reply->status);
+    http->code = code;
+    if (reply->status) http->answers = true;
     if (code == CURLE_OK || (code == CURLE_SEND_ERROR && reply->status >= 400)) return true;
     snprintf(http->text, sizeof http->text, "%s", http->error[0] ? http->error : curl_easy_strerror(code));
     cli_reply_clear(reply);

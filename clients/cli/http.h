@@ -40,6 +40,8 @@ const char *cli_http_error(const cli_http *http);  /* why the last call failed *
 
 /* Adds a header to the next cli_http_call, cli_http_json or cli_http_upload; `value` is printable ASCII. */
 void cli_http_header(cli_http *http, const char *name, const char *value);
+/* Did the last call fail for lack of a connection, which may pass? That none could be made counts only of a server that has answered before. */
+bool cli_http_lost(const cli_http *http);
 bool cli_http_call(cli_http *http, const char *method, const char *path, const char *json, cli_reply *reply);
 /* Sends bytes `from` to `size` of `file`; `progress` (may be NULL) shows how much of the `size` has gone. */
 bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE *file, int64_t from, int64_t size,

@@ -148,8 +148,9 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. An upload of 64 MiB\n"
-             "or more goes on where it was after its connection broke. A Medit mesh of tets has\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. An upload is\n"
+             "tried again after its connection broke or the daemon was busy; one of 64 MiB or more goes on\n"
+             "where it was. A Medit mesh of tets has\n"
              "its parameters in a second file, which --parameters names. The job's id\n"
              "is printed on standard output as soon as the daemon has stored the job for good. With\n"
              "--wait the command stays until the job has ended and its exit code tells how; with --out\n"

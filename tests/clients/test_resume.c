@@ -9,13 +9,21 @@
 
 enum { SIZE = 70 << 20, QUOTA = 20 << 20 };
 
+/* The requests of an upload. */
+static const char *const kinds[] = {"HEAD /v1/blobs/", "POST /v1/uploads ", "HEAD /v1/uploads/", "PATCH /v1/uploads/", "PUT /v1/blobs/"};
+enum { KINDS = sizeof kinds / sizeof *kinds };
+
 static daemon_here here;
 
 /* Between client and daemon, for one connection after the other. */
 typedef struct {
     int64_t quota;      /* bytes of the client after which a connection is broken; 0: none is */
     pid_t victim;       /* killed when the first one is broken; 0: nobody */
+    bool moody;         /* the first request of a kind is cut off unanswered, the second answered with 503 */
+    int busy;           /* seconds of Retry-After in those 503; 0: none */
     bool before_tus;    /* the daemon does not see that an upload is asked for: it answers as one of before did */
+    int asked[KINDS];   /* requests of a kind that it was moody about */
+    struct timespec due; /* not before then may anything come after a 503 */
     int listener;
     char url[64];
     pid_t process;
@@ -59,15 +67,47 @@ static bool carry(const proxy *p, int client, int server) {
     return false;
 }
 
+/* A letter to the file "broken". */
+static void note(char what) {
+    FILE *f = fopen(kit_temp_path("broken"), "a");
+    fputc(what, f);
+    fclose(f);
+}
+
+/* Answers with 503, and lets the client be the one that closes. */
+static void be_busy(proxy *p, int client) {
+    char answer[200], after[40] = "";
+    if (p->busy) snprintf(after, sizeof after, "Retry-After: %d\r\n", p->busy);
+    int n = snprintf(answer, sizeof answer, "HTTP/1.1 503 Service Unavailable\r\n%sContent-Length: 0\r\nConnection: close\r\n\r\n", after);
+    write_all(client, answer, n);
+    shutdown(client, SHUT_WR);
+    while (recv(client, answer, sizeof answer, 0) > 0) continue;
+    clock_gettime(CLOCK_MONOTONIC, &p->due);
+    p->due.tv_sec += p->busy;
+}
+
+/* True if a connection was none, by its mood. A request that comes too early after a 503 is noted by a !. */
+static bool is_moody(proxy *p, int client) {
+    char start[32] = "";
+    struct timespec now;
+    size_t kind = 0;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    if (now.tv_sec < p->due.tv_sec || (now.tv_sec == p->due.tv_sec && now.tv_nsec < p->due.tv_nsec)) note('!');
+    if (!p->moody || recv(client, start, sizeof start - 1, MSG_PEEK) <= 0) return false;
+    while (kind < KINDS && strncmp(start, kinds[kind], strlen(kinds[kind])) != 0) kind++;
+    if (kind == KINDS || p->asked[kind] == 2) return false;
+    note((char)('0' + kind));
+    if (p->asked[kind]++) be_busy(p, client);
+    return true;
+}
+
 /* Notes every connection it breaks by a letter in the file "broken". */
 static void serve(proxy *p) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     for (;;) {
-        int client = accept(p->listener, NULL, NULL), server = connect_on();
+        int client = accept(p->listener, NULL, NULL), server = is_moody(p, client) ? -1 : connect_on();
         if (server >= 0 && carry(p, client, server)) {
-            FILE *f = fopen(kit_temp_path("broken"), "a");
-            fputc('x', f);
-            fclose(f);
+            note('x');
             if (p->victim) kill(p->victim, SIGKILL), p->victim = 0, p->quota = 0;
         }
         if (server >= 0) close(server);
@@ -90,26 +130,34 @@ static void proxy_start(proxy *p) {
     if (p->process == 0) serve(p);
 }
 
-/* Ends it; how many connections it has broken. */
-static size_t proxy_stop(proxy *p) {
-    size_t broken;
+/* Ends it; what it has noted, to be freed. */
+static char *proxy_notes(proxy *p) {
     kill(p->process, SIGKILL);
     assert_int_equal(waitpid(p->process, NULL, 0), p->process);
     close(p->listener);
-    free(kit_read_file(kit_temp_path("broken"), &broken));
+    return kit_read_file(kit_temp_path("broken"), NULL);
+}
+
+/* Ends it; how many connections it has broken. */
+static size_t proxy_stop(proxy *p) {
+    char *notes = proxy_notes(p);
+    size_t broken = strlen(notes);
+    free(notes);
     return broken;
 }
 
 /* A file that no other test has uploaded. */
-static const char *large_file(uint64_t stream) {
-    const char *path = kit_temp_path("large-%d", (int)stream);
-    uint64_t *data = malloc(SIZE);
+static const char *new_file(uint64_t stream, size_t size) {
+    const char *path = kit_temp_path("file-%d", (int)stream);
+    uint64_t *data = malloc(size);
     kit_random random = kit_random_start(stream);
-    for (size_t i = 0; i < SIZE / sizeof *data; i++) data[i] = kit_random_next(&random);
-    kit_write_file(path, data, SIZE);
+    for (size_t i = 0; i < size / sizeof *data; i++) data[i] = kit_random_next(&random);
+    kit_write_file(path, data, size);
     free(data);
     return path;
 }
+
+static const char *large_file(uint64_t stream) { return new_file(stream, SIZE); }
 
 /* The client at work on its own; its words go to the file "words". */
 static pid_t submit(const proxy *p, const char *file) {
@@ -178,6 +226,43 @@ static void a_daemon_that_takes_no_such_upload_gets_it_in_one(void **state) {
     assert_int_equal(logged("method=PUT"), puts + 1);
 }
 
+static void every_request_of_an_upload_is_tried_again(void **state) {
+    (void)state;
+    proxy p = {.moody = true};
+    size_t puts = logged("method=PUT");
+    proxy_start(&p);
+    expect_submitted(submit(&p, large_file(4)));
+    char *notes = proxy_notes(&p);
+    assert_string_equal(notes, "00113223"); /* after a PATCH that was cut off it is asked how far the upload is */
+    free(notes);
+    assert_int_equal(logged("method=PUT"), puts);
+}
+
+static void a_small_file_is_sent_again_and_not_before_the_daemon_wants_it(void **state) {
+    (void)state;
+    proxy p = {.moody = true, .busy = 2};
+    proxy_start(&p);
+    expect_submitted(submit(&p, new_file(5, 4096)));
+    char *notes = proxy_notes(&p);
+    assert_string_equal(notes, "0044");
+    free(notes);
+}
+
+static void a_daemon_that_wants_to_be_left_alone_for_long_is(void **state) {
+    (void)state;
+    proxy p = {.moody = true, .busy = 3600};
+    int status;
+    proxy_start(&p);
+    pid_t client = submit(&p, new_file(6, 4096));
+    assert_int_equal(waitpid(client, &status, 0), client);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 5);
+    char *words = kit_read_file(kit_temp_path("words"), NULL), *notes = proxy_notes(&p);
+    if (!strstr(words, "no upload for the next 3600 seconds: HTTP status 503")) fail_msg("%s", words);
+    assert_string_equal(notes, "00");
+    free(words);
+    free(notes);
+}
+
 static int start(void **state) {
     (void)state;
     daemon_start(&here);
@@ -194,6 +279,9 @@ int main(void) {
         cmocka_unit_test(an_upload_goes_on_after_every_break),
         cmocka_unit_test(an_upload_outlives_a_kill_of_its_daemon),
         cmocka_unit_test(a_daemon_that_takes_no_such_upload_gets_it_in_one),
+        cmocka_unit_test(every_request_of_an_upload_is_tried_again),
+        cmocka_unit_test(a_small_file_is_sent_again_and_not_before_the_daemon_wants_it),
+        cmocka_unit_test(a_daemon_that_wants_to_be_left_alone_for_long_is),
     };
     return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
 }
