@@ -612,6 +612,7 @@ bw_status bw_stage_run(bw_context *ctx, const bw_options *options, bw_stage stag
     else status = bw_state_read(ctx, state, stages[stage - 1].name, stages[stage - 1].version, input);
     if (stage == BW_STAGE_ENCODE && status == BW_OK) status = make_folder(ctx, output);
     if (status == BW_OK) status = run_stage(ctx, options, stage, state, output);
+    if (status == BW_OK) ctx->input_kind = state->report.input.hexes ? BW_KIND_HEX : BW_KIND_TET;
     if (stage == BW_STAGE_ENCODE) {
         bw_status written = write_report(ctx, state, output);
         if (status == BW_OK) status = written;

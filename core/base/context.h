@@ -14,6 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/kinds.h"
 #include "base/status.h"
 
 enum { BW_ELEMENTS_KEPT = 32 }; /* offending elements listed by an error; the rest is only counted */
@@ -58,6 +59,7 @@ typedef struct bw_context {
     const volatile sig_atomic_t *finish; /* may be NULL; non-zero asks a search to end with the best it has found, and the job to go on with that */
     bool finished;                       /* a search has ended early because of that: what follows depends on when it was asked for */
     uint64_t next_need;                  /* of bw_stage_run: bytes that the stage after the one that ran will need; 0: there is none */
+    bw_input_kind input_kind;            /* of bw_stage_run: what the job's input was found to be; BW_KIND_AUTO: not known */
     void (*progress)(void *user, const char *stage, double fraction); /* may be NULL; fraction in 0..1 of the stage */
     void (*note)(void *user, const char *text);                       /* may be NULL; what a search has found so far, in place of the note before */
     void (*log)(void *user, const char *line);                        /* may be NULL; one line without its newline */

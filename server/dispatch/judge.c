@@ -72,9 +72,15 @@ static uint64_t told_need(const bw_slot *s) {
     return need > 0 && need < (json_int_t)1 << 50 ? (uint64_t)need : 0;
 }
 
+/* What it says that the job's input is; NULL: nothing, or nonsense. */
+static const char *told_kind(const bw_slot *s) {
+    const char *kind = json_string_value(json_object_get(s->session.result, "kind"));
+    return !kind ? NULL : strcmp(kind, "tet") == 0 ? "tet" : strcmp(kind, "hex") == 0 ? "hex" : NULL;
+}
+
 /* The worker says it is done: files its output and books the stage. Frees the slot. */
 static bw_status succeed(bw_dispatch *d, bw_slot *s) {
-    bw_made made = {.key = s->key, .need = told_need(s), .cut = json_is_true(json_object_get(s->session.result, "cut"))};
+    bw_made made = {.key = s->key, .need = told_need(s), .kind = told_kind(s), .cut = json_is_true(json_object_get(s->session.result, "cut"))};
     json_t *manifest = NULL;
     bool done = false, last = s->job.stage + 1 == s->job.stage_count;
     bw_status status = made.cut && !claim_output(s) ? BW_E_MEMORY : BW_OK;

@@ -65,6 +65,7 @@ static json_t *job_json(bw_request *r, const bw_job *job) {
     json_object_set_new(o, "priority", json_integer(job->priority));
     json_object_set_new(o, "pinned", json_boolean(job->pinned));
     json_object_set_new(o, "tags", job->tags ? json_loads(job->tags, 0, NULL) : json_array());
+    if (*job->kind) json_object_set_new(o, "kind", json_string(job->kind));
     if (*job->parameters) json_object_set_new(o, "parameters", json_string(job->parameters));
     if (job->cancel && job->state == BW_JOB_RUNNING) json_object_set_new(o, "cancelling", json_true());
     if (job->finish && (job->state == BW_JOB_QUEUED || job->state == BW_JOB_RUNNING)) json_object_set_new(o, "finishing", json_true());

@@ -41,15 +41,15 @@ static bw_status advance(bw_writer *w, void *user) {
         bw_sql_run(&w->sql, &e->changes, "UPDATE jobs SET open = 0, tries = 0, interruptions = 0, due = 0, stage = stage + 1,"
                    " state = CASE WHEN stage + 1 >= stage_count THEN 2 ELSE 1 END,"
                    " finished = CASE WHEN stage + 1 >= stage_count THEN ? ELSE 0 END, result_key = ?, state_key = ?,"
-                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END" FENCE NOT_CANCELLED, "issisi", e->now,
-                   e->made->manifest ? e->made->key : "", e->made->key, (int64_t)e->made->cut, e->id, (int64_t)e->attempt);
+                   " cut = CASE WHEN cut = 0 AND ? THEN stage + 1 ELSE cut END, kind = ifnull(?, kind)" FENCE NOT_CANCELLED, "ississi", e->now,
+                   e->made->manifest ? e->made->key : "", e->made->key, (int64_t)e->made->cut, e->made->kind, e->id, (int64_t)e->attempt);
     if (status != BW_OK || !e->changes) return status;
     status = bw_sql_number(&w->sql, &state, 0, "SELECT state FROM jobs WHERE id = ?", "s", e->id);
     if (status == BW_OK) status = close_attempt(w, e, state == BW_JOB_SUCCESSFUL ? "successful" : "done");
-    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT INTO outputs (key, bytes, manifest, need, created, used)"
-                                        " VALUES (?1, ?2, ?3, ?4, ?5, ?5) ON CONFLICT (key) DO UPDATE SET bytes = excluded.bytes,"
-                                        " manifest = excluded.manifest, need = excluded.need, created = excluded.created, used = excluded.used", "sisii", e->made->key, (int64_t)e->made->bytes,
-                                        e->made->manifest, (int64_t)e->made->need, e->now) : status;
+    return status == BW_OK ? bw_sql_run(&w->sql, NULL, "INSERT INTO outputs (key, bytes, manifest, need, created, used, kind)"
+                                        " VALUES (?1, ?2, ?3, ?4, ?5, ?5, ifnull(?6, '')) ON CONFLICT (key) DO UPDATE SET bytes = excluded.bytes,"
+                                        " manifest = excluded.manifest, need = excluded.need, created = excluded.created, used = excluded.used, kind = excluded.kind", "sisiis",
+                                        e->made->key, (int64_t)e->made->bytes, e->made->manifest, (int64_t)e->made->need, e->now, e->made->kind) : status;
 }
 
 bw_status bw_queue_advance(bw_queue *q, const char *id, int attempt, const bw_made *made, int64_t now, const bw_spent *spent,

@@ -108,7 +108,8 @@ static bw_status reuse(bw_writer *w, void *user) {
     bool last = is_last(t->job);
     bw_status status =
         bw_sql_run(&w->sql, &t->changes, "UPDATE jobs SET state = ?, attempt = attempt + 1, tries = 0, interruptions = 0, due = 0,"
-                   " stage = stage + 1, finished = ?, result_key = ?, state_key = ?, started = CASE started WHEN 0 THEN ? ELSE started END"
+                   " stage = stage + 1, finished = ?, result_key = ?, state_key = ?, started = CASE started WHEN 0 THEN ? ELSE started END,"
+                   " kind = ifnull((SELECT nullif(outputs.kind, '') FROM outputs WHERE key = ?4), kind)"
                    " WHERE id = ? AND attempt = ? AND open = 0 AND state IN (0, 1) AND (?4 = '' OR EXISTS (SELECT 1 FROM outputs WHERE key = ?4))",
                    "iissisi", (int64_t)(last ? BW_JOB_SUCCESSFUL : BW_JOB_RUNNING), last ? t->now : (int64_t)0,
                    t->results ? t->key : "", t->key, t->now, t->job->id, (int64_t)t->job->attempt);

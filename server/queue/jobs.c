@@ -34,6 +34,7 @@ void bw_job_read(sqlite3_stmt *stmt, bw_job *job) {
     job->tags = bw_sql_text(stmt, 23);
     job->limits = bw_sql_text(stmt, 24);
     job->spent = (bw_spent){sqlite3_column_int64(stmt, 25), sqlite3_column_int64(stmt, 26)};
+    bw_sql_put(job->kind, sizeof job->kind, stmt, 27);
 }
 
 void bw_job_clear(bw_job *job) {

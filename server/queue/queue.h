@@ -57,6 +57,7 @@ typedef struct {
     char id[BW_JOB_ID_TEXT];
     char input[BW_SHA256_TEXT];
     char parameters[BW_SHA256_TEXT]; /* "": none */
+    char kind[8];                    /* what the input was found to be, "tet" or "hex"; "": not known yet */
     char result_key[BW_SHA256_TEXT]; /* cache key of the result folder; "" until there is one */
     bw_job_state state;
     bool open, cancel, finish;
@@ -237,6 +238,7 @@ typedef struct {
     uint64_t need;        /* bytes of memory that the next stage will take about; 0: not known */
     const char *manifest; /* JSON; NULL: it is a state file */
     bool cut; /* the search was ended by finish, so that this and all later outputs are for this job only */
+    const char *kind; /* of the job's input, as in bw_job; NULL: not told */
 } bw_made;
 
 /* Ends of an attempt. A cancel that was noted wins: advance and fail change nothing then (*done is false), the attempt is to be

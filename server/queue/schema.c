@@ -114,7 +114,11 @@ static const char *const migrations[] = {
 
     /* 8: what the workers of a job have taken. */
     "ALTER TABLE jobs ADD COLUMN spent_wall_ms INTEGER NOT NULL DEFAULT 0;"
-    "ALTER TABLE jobs ADD COLUMN spent_cpu_ms INTEGER NOT NULL DEFAULT 0;"};
+    "ALTER TABLE jobs ADD COLUMN spent_cpu_ms INTEGER NOT NULL DEFAULT 0;",
+
+    /* 9: what a job's input was found to be; a job that finds its stages in the cache has it from there. */
+    "ALTER TABLE jobs ADD COLUMN kind TEXT NOT NULL DEFAULT '';"
+    "ALTER TABLE outputs ADD COLUMN kind TEXT NOT NULL DEFAULT '';"};
 enum { SCHEMA_VERSION = sizeof migrations / sizeof *migrations };
 /* The numbers stored in jobs.state, which indexes and triggers above spell out, are the enumeration of the API. */
 _Static_assert(BW_JOB_QUEUED == 0 && BW_JOB_RUNNING == 1 && BW_JOB_SUCCESSFUL == 2 && BW_JOB_FAILED == 3 &&

@@ -76,7 +76,7 @@ bw_status bw_event_functions(bw_sql *sql); /* stage_name(n) and state_name(n) fo
     " jobs.seq, id, input, result_key, state, open, cancel, stage, stage_count, attempt, tries, created, started,"     \
     " finished, name, options, failure, parameters, finish, cut, owner, priority, pinned,"                             \
     " (SELECT json_group_array(tag) FROM (SELECT tag FROM tags WHERE tags.seq = jobs.seq ORDER BY tag)), limits, spent_wall_ms,"       \
-    " spent_cpu_ms "
+    " spent_cpu_ms, jobs.kind "
 void bw_job_read(sqlite3_stmt *statement, bw_job *job);
 
 /* attempts.c: deletes an ended job with all its rows; its id goes to `gone`. */

@@ -88,16 +88,17 @@ static bool say_hello(const char *stage, int version, const bw_sandbox *sandbox)
     return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_HELLO, hello, (size_t)n);
 }
 
-static bool say_ok(bool cut, uint64_t need) {
+static bool say_ok(bool cut, bw_input_kind kind, uint64_t need) {
+    static const char *const kinds[] = {[BW_KIND_AUTO] = "", [BW_KIND_TET] = ",\"kind\":\"tet\"", [BW_KIND_HEX] = ",\"kind\":\"hex\""};
     char text[96];
-    int n = snprintf(text, sizeof text, "{\"status\":\"ok\"%s,\"need\":%" PRIu64 "}", cut ? ",\"cut\":true" : "", need);
+    int n = snprintf(text, sizeof text, "{\"status\":\"ok\"%s%s,\"need\":%" PRIu64 "}", cut ? ",\"cut\":true" : "", kinds[kind], need);
     return bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n);
 }
 
 static bool say_result(const bw_context *ctx, bw_status status) {
     static const char lost[] = "{\"status\":\"memory-limit\"}";
     send_note(true);
-    if (status == BW_OK) return say_ok(ctx->finished, ctx->next_need ? ctx->next_need + BASE_BYTES : 0);
+    if (status == BW_OK) return say_ok(ctx->finished, ctx->input_kind, ctx->next_need ? ctx->next_need + BASE_BYTES : 0);
     char *error = bw_error_json(ctx);
     const char *text = error ? error : lost;
     bool sent = bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, strlen(text));
@@ -152,7 +153,7 @@ int main(int argc, char **argv) {
     prepare(&ctx, &a);
     bw_sandbox_enter(readable, sizeof readable / sizeof *readable, &sandbox);
     if (!say_hello(a.stage, trial ? 0 : bw_stage_version(stage), &sandbox)) return 5;
-    if (trial) return say_ok(false, 0) ? 0 : 5;
+    if (trial) return say_ok(false, BW_KIND_AUTO, 0) ? 0 : 5;
     bw_status status = check_sandbox(&ctx, &a, &sandbox);
     if (status == BW_OK) status = run_stage(&ctx, &a, stage);
     return say_result(&ctx, status) ? 0 : 5;

@@ -14,7 +14,8 @@
  *     LOG        one line of text without its newline                 any number
  *     RESULT     JSON {"status": "ok"} or an error as bw_error_json   last, once; ok with "cut": true says that a search ended
  *                                                                     early because of SIGUSR1, so the output is of this run only;
- *                                                                     "need": bytes of memory the next stage will need about
+ *                                                                     "need": bytes of memory the next stage will need about;
+ *                                                                     "kind": what the job's input was found to be, tet or hex
  *     NOTE       the best a search has found so far, for people       any number; replaces the one before
  *
  * Started with --stage trial, the worker enters its sandbox, says HELLO (version 0) and RESULT ok, and ends: so the daemon learns

@@ -21,6 +21,7 @@
  *     flaky N         raise SIGKILL unless this is attempt N or later (of the job)
  *     unconfined      enter no sandbox, and say so
  *     need BYTES      tell this as the need of the next stage
+ *     kind WORD       tell this as the kind of the input
  *     touch BYTES     take that much memory bit by bit and use a part of it, "memory-limit" if refused
  *     many BYTES      write files of 1 MB until they add up to this
  *     chatter BYTES   write that much to standard error
@@ -65,6 +66,7 @@ static char *script; /* the whole input, NUL-terminated */
 static size_t script_size;
 static long data_bytes = 1000;
 static uint64_t need;
+static const char *kind = ""; /* a member of the result */
 static bool open_air; /* started by the name blockwright-test-worker-open: it never enters a sandbox */
 
 static void on_term(int signal) {
@@ -84,7 +86,7 @@ static void finish(const char *code) {
                      "{\"kind\":\"tet\",\"id\":7,\"position\":[0.5,1,2]},{\"kind\":\"tet\",\"id\":9}],\"region_count\":5,\"regions\":["
                      "{\"tets\":3,\"ids\":[7,\"x\",9],\"position\":[0.5,1,2],\"box\":[[0,1,2],[1,1,2]],\"more\":1},"
                      "{\"tets\":3,\"ids\":[7],\"position\":[0.5,1],\"box\":[[0,1,2],[1,1,2]]}]}", code, code);
-    if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, "{\"status\":\"ok\",\"need\":%" PRIu64 "%s}", need, cut ? ",\"cut\":true" : "");
+    if (strcmp(code, "ok") == 0) n = snprintf(text, sizeof text, "{\"status\":\"ok\",\"need\":%" PRIu64 "%s%s}", need, cut ? ",\"cut\":true" : "", kind);
     exit(bw_send_frame(BW_WORKER_CHANNEL, BW_FRAME_RESULT, text, (size_t)n) ? 0 : 5);
 }
 
@@ -214,6 +216,12 @@ static bool refused(const char *verb, const char *path) {
     return true;
 }
 
+static void tell_kind(const char *word) {
+    static char member[80];
+    snprintf(member, sizeof member, ",\"kind\":\"%.60s\"", word);
+    kind = member;
+}
+
 static void obey(const char *verb, const char *argument) {
     long number = strtol(argument, NULL, 10);
     if (!strcmp(verb, "sleep")) nap(number);
@@ -232,6 +240,7 @@ static void obey(const char *verb, const char *argument) {
     else if (!strcmp(verb, "nothing")) finish("ok");
     else if (!strcmp(verb, "link")) symlink("/etc/passwd", "out") < 0 ? exit(5) : finish("ok");
     else if (!strcmp(verb, "need")) need = (uint64_t)number;
+    else if (!strcmp(verb, "kind")) tell_kind(argument);
     else if (!strcmp(verb, "touch")) touch((size_t)number);
     else if (!strcmp(verb, "many")) many(number);
     else if (!strcmp(verb, "chatter")) chatter(number);

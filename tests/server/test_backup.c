@@ -82,7 +82,7 @@ static void fill(bw_job *ended, bw_job *waits) {
     snprintf(name, sizeof name, "%s/cache/01/%s/report.json", folder, hash);
     assert_int_equal(bw_write_file(name, "{}", 2), BW_OK);
     assert_int_equal(bw_queue_claim(q, ended, 10, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, ended->id, 1, &(bw_made){hash, 2, 0, "[]", false}, 20, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, ended->id, 1, &(bw_made){hash, 2, 0, "[]", false, NULL}, 20, NULL, &done), BW_OK);
     int log = bw_store_append_log(store, ended->id);
     assert_int_equal(write(log, "said\n", 5), 5);
     close(log);

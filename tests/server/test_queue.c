@@ -104,7 +104,7 @@ static void a_job_goes_through_its_stages_to_success(void **state) {
     claim(&job);
     expect(job.id, BW_JOB_RUNNING, true, 0);
     assert_int_equal(waiting(9000), 0);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false, NULL}, 3000, NULL, &done), BW_OK);
     uint64_t need;
     assert_int_equal(bw_queue_output_need(q, hash, &need), BW_OK);
     assert_int_equal(need, 77);
@@ -115,7 +115,7 @@ static void a_job_goes_through_its_stages_to_success(void **state) {
     bw_job_clear(&job);
     job = get(job.id);
     claim(&job);
-    assert_int_equal(bw_queue_advance(q, job.id, 2, &(bw_made){hash, 5, 77, "[]", false}, 4000, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 2, &(bw_made){hash, 5, 77, "[]", false, NULL}, 4000, NULL, &done), BW_OK);
     bw_job now = get(job.id);
     assert_int_equal(now.state, BW_JOB_SUCCESSFUL);
     assert_int_equal(now.finished, 4000);
@@ -135,7 +135,7 @@ static void an_attempt_that_is_not_the_jobs_any_more_changes_nothing(void **stat
     assert_int_equal(bw_queue_recover(q, 2500, &recovered), BW_OK);
     assert_int_equal(recovered, 1);
     for (int again = 0; again < 2; again++) {
-        bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done);
+        bw_queue_advance(q, job.id, 1, &(bw_made){hash, 5, 77, NULL, false, NULL}, 3000, NULL, &done);
         assert_false(done);
         bw_queue_fail(q, job.id, 1, "io", "{}", 3000, NULL, &done);
         assert_false(done);
@@ -225,7 +225,7 @@ static void what_workers_take_adds_up_until_the_job_begins_anew(void **state) {
     assert_int_equal(bw_queue_recover(q, 2300, &recovered), BW_OK);
     expect_spent(job.id, 1000, 300); /* what the daemon's end cost is not the job's */
     claim_again(job.id);
-    assert_int_equal(bw_queue_advance(q, job.id, 4, &(bw_made){hash, 5, 77, NULL, false}, 2400, &spent, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 4, &(bw_made){hash, 5, 77, NULL, false, NULL}, 2400, &spent, &done), BW_OK);
     reopen();
     expect_spent(job.id, 2000, 600);
     bw_job now = get(job.id);
@@ -290,7 +290,7 @@ static void cancelling_is_idempotent_in_every_state(void **state) {
     bw_job_clear(&job);
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[]", false}, 3000, NULL, &done);
+    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[]", false, NULL}, 3000, NULL, &done);
     bw_queue_cancel(q, job.id, 3100, &result);
     assert_int_equal(result, BW_CANCEL_TOO_LATE);
     expect(job.id, BW_JOB_SUCCESSFUL, false, 1);
@@ -307,7 +307,7 @@ static void a_cancel_that_was_noted_wins_over_the_end_of_the_attempt(void **stat
         claim(&job);
         bw_queue_cancel(q, job.id, 2500, &result);
         assert_int_equal(result, BW_CANCEL_NOTED);
-        if (end == 0) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 3000, NULL, &done), BW_OK);
+        if (end == 0) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false, NULL}, 3000, NULL, &done), BW_OK);
         else assert_int_equal(bw_queue_fail(q, job.id, 1, "syntax", "{}", 3000, NULL, &done), BW_OK);
         assert_false(done);
         expect(job.id, BW_JOB_RUNNING, true, 0);
@@ -354,14 +354,14 @@ static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
     bw_queue_finish(q, job.id, &result);
     assert_int_equal(result, BW_FINISH_NOTED);
     expect(job.id, BW_JOB_RUNNING, true, 0);
-    bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, false}, 3000, NULL, &done);
+    bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, false, NULL}, 3000, NULL, &done);
     assert_true(done);
     bw_job_clear(&now);
     for (int i = 0; i < 2; i++) { /* the first stage that was cut is remembered */
         now = get(job.id);
         assert_true(now.finish && now.cut == (i ? 2 : 0) && now.stage == 1 + i);
         claim(&now);
-        bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, true}, 3100, NULL, &done);
+        bw_queue_advance(q, job.id, now.attempt, &(bw_made){hash, 5, 77, NULL, true, NULL}, 3100, NULL, &done);
         assert_true(done);
         bw_job_clear(&now);
     }
@@ -371,7 +371,7 @@ static void a_finish_is_noted_for_good_and_stops_nothing(void **state) {
     job = get(id);
     assert_int_equal(job.cut, 2);
     claim(&job);
-    bw_queue_advance(q, job.id, job.attempt, &(bw_made){hash, 5, 77, "[]", false}, 3200, NULL, &done);
+    bw_queue_advance(q, job.id, job.attempt, &(bw_made){hash, 5, 77, "[]", false, NULL}, 3200, NULL, &done);
     expect(job.id, BW_JOB_SUCCESSFUL, false, 4);
     bw_queue_finish(q, job.id, &result);
     assert_int_equal(result, BW_FINISH_TOO_LATE);
@@ -409,7 +409,7 @@ static void cache_rows_without_files_are_forgotten(void **state) {
     char *manifest;
     insert(&job, 1);
     claim(&job);
-    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[7]", false}, 3000, NULL, &done);
+    bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 77, "[7]", false, NULL}, 3000, NULL, &done);
     assert_int_equal(bw_queue_output(q, hash, &found, &manifest), BW_OK);
     assert_true(found);
     assert_string_equal(manifest, "[7]");

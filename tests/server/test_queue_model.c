@@ -93,7 +93,7 @@ static void do_end(model *m) {
     char key[BW_SHA256_TEXT];
     snprintf(key, sizeof key, "%064x", pick(1000));
     int64_t due = 10 + pick(10);
-    if (kind == 0) assert_int_equal(bw_queue_advance(q, m->id, attempt, &(bw_made){key, 3, 0, "[]", false}, 6, NULL, &done), BW_OK);
+    if (kind == 0) assert_int_equal(bw_queue_advance(q, m->id, attempt, &(bw_made){key, 3, 0, "[]", false, NULL}, 6, NULL, &done), BW_OK);
     if (kind == 1) assert_int_equal(bw_queue_retry(q, m->id, attempt, "io", due, 6, NULL, &done), BW_OK);
     if (kind == 2) assert_int_equal(bw_queue_fail(q, m->id, attempt, "syntax", "{}", 6, NULL, &done), BW_OK);
     if (kind == 3) assert_int_equal(bw_queue_dismiss(q, m->id, attempt, 6, NULL, &done), BW_OK);

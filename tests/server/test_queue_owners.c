@@ -207,7 +207,7 @@ static void a_restarted_job_keeps_its_stages_and_counts_its_attempts_on(void **s
     bool done;
     put_job(&job, "a", 3);
     assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, NULL, false}, 2, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, NULL, false, NULL}, 2, NULL, &done), BW_OK);
     now = get_job(job.id);
     assert_int_equal(bw_queue_claim(q, &now, 3, &done), BW_OK);
     assert_int_equal(bw_queue_fail(q, job.id, 2, "syntax", "{}", 4, NULL, &done), BW_OK);
@@ -235,7 +235,7 @@ static void only_an_ended_job_is_removed_and_its_id_is_remembered(void **state) 
     assert_int_equal(bw_queue_write(q, bw_write_delete, &remove), BW_OK);
     assert_int_equal(remove.result, BW_CHANGE_TOO_EARLY);
     assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 2, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false, NULL}, 2, NULL, &done), BW_OK);
     assert_int_equal(bw_queue_is_gone(q, job.id, &gone), BW_OK);
     assert_false(gone);
     assert_int_equal(bw_queue_write(q, bw_write_delete, &remove), BW_OK);

@@ -77,7 +77,7 @@ static void use_retention(void) {
     assert_int_equal(bw_queue_adopt_blob(q, hash + 1, 1, 1, &done), BW_OK);
     assert_int_equal(bw_queue_cache_bytes(q, &bytes), BW_OK);
     assert_int_equal(bw_queue_claim(q, &job, 1, &done), BW_OK);
-    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 10, 0, NULL, false}, 1, NULL, &done), BW_OK);
+    assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 10, 0, NULL, false, NULL}, 1, NULL, &done), BW_OK);
     for (int i = 0; i < 2 * BW_KEEP_COUNT; i++) {
         bw_collect x = {.kind = (bw_keep_kind)(i / 2), .dry = i % 2 == 0, .policy = &policy};
         assert_int_equal(bw_queue_collect(q, &x), BW_OK);
@@ -116,7 +116,7 @@ static void use_everything(void) {
         if (round == 3) assert_int_equal(bw_queue_dismiss(q, job.id, 1, 2, NULL, &done), BW_OK);
         if (round == 4) assert_int_equal(bw_queue_interrupt(q, job.id, 1, 2, &done), BW_OK);
         if (round == 5) assert_int_equal(bw_queue_recover(q, 2, &count), BW_OK);
-        if (round >= 6) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false}, 2, NULL, &done), BW_OK);
+        if (round >= 6) assert_int_equal(bw_queue_advance(q, job.id, 1, &(bw_made){hash, 1, 0, "[]", false, NULL}, 2, NULL, &done), BW_OK);
         assert_int_equal(bw_queue_cancel(q, job.id, 3, &cancelled), BW_OK);
         assert_int_equal(bw_queue_attempts(q, job.id, &attempts, &n), BW_OK);
         free(attempts);

@@ -119,6 +119,26 @@ static void a_job_reuses_the_stages_before_the_first_one_its_options_change(void
     }
 }
 
+static void expect_kind(const char *script, const char *options, const char *state, const char *kind) {
+    char id[32];
+    kit_submit(&d, script, options, id);
+    json_t *job = kit_wait(&d, id, 20);
+    assert_string_equal(kit_text(job, "state"), state);
+    assert_string_equal(kit_text(job, "kind"), kind);
+    json_decref(job);
+}
+
+static void a_job_tells_what_kind_its_input_was_found_to_be(void **state) {
+    (void)state;
+    expect_kind("sanitize kind hex\n", "{\"until\":\"sanitize\"}", "successful", "hex");
+    expect_kind("sanitize kind hex\n", "{\"until\":\"sanitize\"}", "successful", "hex"); /* no worker told it, the cache did */
+    expect_kind("sanitize kind hex\n", "{\"until\":\"trace\"}", "successful", "hex"); /* and nobody says otherwise */
+    expect_kind("sanitize kind tet\ntrace fail check-failed\n", NULL, "failed", "tet");
+    expect_kind("sanitize kind tet\nsanitize fail inverted\n", NULL, "failed", ""); /* it is told with what was made */
+    expect_kind("sanitize kind octahedral\n", NULL, "successful", "");
+    expect_kind("# says nothing\n", NULL, "successful", "");
+}
+
 static void equal_jobs_at_the_same_time_make_each_output_once(void **state) {
     (void)state;
     char ids[6][32];
@@ -276,6 +296,7 @@ int main(void) {
         cmocka_unit_test(a_file_of_parameters_reaches_the_first_stage_only),
         cmocka_unit_test(a_second_equal_job_reuses_every_stage),
         cmocka_unit_test(a_job_reuses_the_stages_before_the_first_one_its_options_change),
+        cmocka_unit_test(a_job_tells_what_kind_its_input_was_found_to_be),
         cmocka_unit_test(equal_jobs_at_the_same_time_make_each_output_once),
         cmocka_unit_test(a_job_that_stops_early_has_no_results),
         cmocka_unit_test(the_log_has_what_the_workers_said_and_cannot_be_forged),

@@ -74,6 +74,7 @@ static void submit_sample(int i, const char *options, char id[32]) {
 static void expect_same_bytes(int i, const char *id) {
     json_t *job = kit_wait(&d, id, 120);
     if (strcmp(kit_text(job, "state"), "successful") != 0) fail_msg("%s: %s", names[i], json_dumps(job, 0));
+    assert_string_equal(kit_text(job, "kind"), "tet");
     json_decref(job);
     for (size_t f = 0; f < sizeof files / sizeof *files; f++) {
         char name[80];
@@ -87,6 +88,18 @@ static void expect_same_bytes(int i, const char *id) {
         kit_free(&r);
         free(local);
     }
+}
+
+static void a_job_tells_that_its_input_is_a_hex_mesh(void **state) {
+    (void)state;
+    static const char cube[] = "# vtk DataFile Version 3.0\ncube\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 8 double\n"
+                               "0 0 0 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 1 1 1 0 1 1\nCELLS 1 9\n8 0 1 2 3 4 5 6 7\nCELL_TYPES 1\n12\n";
+    char id[32];
+    kit_submit(&d, cube, "{\"until\":\"sanitize\"}", id);
+    json_t *job = kit_wait(&d, id, 60);
+    assert_string_equal(kit_text(job, "state"), "successful");
+    assert_string_equal(kit_text(job, "kind"), "hex");
+    json_decref(job);
 }
 
 static void results_are_the_bytes_of_a_local_run(void **state) {
@@ -207,6 +220,7 @@ static void a_job_too_large_for_its_limits_fails_as_limit(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_are_the_bytes_of_a_local_run),
+        cmocka_unit_test(a_job_tells_that_its_input_is_a_hex_mesh),
         cmocka_unit_test(another_quantization_reuses_the_complex),
         cmocka_unit_test(results_are_the_same_bytes_after_kills),
         cmocka_unit_test(bad_inputs_fail_as_input_and_say_why),
