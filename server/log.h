@@ -1,7 +1,7 @@
 /* The daemon's log: one line per event on stderr, as `time=... level=... event=... key=value ...` (logfmt), or, after
  * bw_log_configure, as one JSON object per line with the same members.
  *
- * A line is one write(2), so lines of several threads and of the spawner do not mix. Values that come from outside are
+ * A line is one write(2), so lines of several threads do not mix. Values that come from outside are
  * quoted by bw_quoted(), so nobody can forge a line. In JSON a member is a number where the format has a whole number for it
  * (key=%d), else a string.
  *
@@ -17,7 +17,7 @@
 typedef enum { BW_DEBUG, BW_INFO, BW_WARN, BW_ERROR } bw_level;
 typedef enum { BW_LOGFMT, BW_LOG_JSON } bw_log_format;
 
-/* Before it is called: BW_INFO, BW_LOGFMT. At any time, from any thread; the spawner keeps what counted when it was forked. */
+/* Before it is called: BW_INFO, BW_LOGFMT. At any time, from any thread. Of this process only: the spawner has to log nothing. */
 void bw_log_configure(bw_level least, bw_log_format format);
 bool bw_logs(bw_level level); /* whether events of this level are logged */
 

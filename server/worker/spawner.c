@@ -17,7 +17,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "server/log.h"
 #include "server/worker/worker_proto.h"
 
 enum { FD_CHANNEL, FD_INPUT, FD_ERRORS, FD_FOLDER, FD_PARAMETERS, FD_MOST };

@@ -3,7 +3,8 @@
  * It is forked before the daemon has any thread or database connection, for forking with SQLite open breaks its locks
  * and forking with threads leaves their mutexes locked. It stays single-threaded, and it lives exactly as long as the daemon:
  * when its socket reaches the end, it kills its workers, reaps them and exits. Until then it holds DATA/spawner.lock, so the
- * next daemon's spawner is ready only when no worker of the last one is left.
+ * next daemon's spawner is ready only when no worker of the last one is left. It logs nothing: what it has to say are its reports, and the daemon
+ * logs what comes of them, in the format and from the level that hold then. (Its copy of the log's settings is that of its fork.)
  *
  * What a worker gets: descriptor 0 /dev/null, 1 and 2 a pipe to the daemon, 3 the channel (worker_proto.h), 4 the input for reading,
  * 5 its file of parameters for reading, if the job has one and the stage is the first; nothing else is open. Its working directory is the attempt's own folder. It leads its own session, cannot gain

@@ -66,6 +66,7 @@ static const char *server_fault(const char *file, const char *included) {
     const char *slash = strchr(included, '/');
     bool core = !strcmp(included, "blockwright.h") || (slash && layer_of(included, (size_t)(slash - included)));
     bool worker = !strcmp(file, "worker.c");
+    if (!strcmp(file, "spawner.c") && !strcmp(included, "server/log.h")) return "the log in the spawner, which a reload of its settings does not reach";
     return !core || worker || !strcmp(included, "base/status.h") || !strcmp(included, "base/status.def") ? NULL
                                                                                             : "core in the daemon (only worker.c may)";
 }
@@ -161,6 +162,7 @@ static void includes_that_break_a_rule_are_seen(void **state) {
     assert_non_null(server_fault("http.c", "blockwright.h"));
     assert_non_null(server_fault("http.c", "base/context.h"));
     assert_non_null(server_fault("store.c", "format/hexex.h"));
+    assert_non_null(server_fault("spawner.c", "server/log.h"));
 }
 
 static const struct CMUnitTest tests[] = {
