@@ -16,14 +16,14 @@
 #include "server/metrics.h"
 #include "server/queue/retention.h"
 
-enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, DETAIL = 200 };
+enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, DETAIL = 200, PATIENCE_MS = 1000 /* with a probe, at the end */ };
 
 typedef struct {
     int64_t at, us; /* monotonic ms; how long it took */
 } sample;
 
 struct bw_health {
-    const bw_config *config;
+    const bw_config *config; /* borrowed, like the next three: the thread looks at them under lock and while not stopping only */
     bw_store *store;
     bw_queue *queue;
     bw_dispatch *dispatch;
@@ -32,6 +32,8 @@ struct bw_health {
     pthread_mutex_t lock; /* all below */
     pthread_cond_t wanted;
     bool stopping;
+    bool ended, left; /* the thread has ended; it was left alone, so it frees all of this */
+    uint64_t turns;   /* of the dispatcher at the last probe */
     sample samples[SAMPLES]; /* a ring; the last at (count - 1) % SAMPLES */
     size_t count;
     int64_t since;    /* when the probe under way began, 0: none */
@@ -59,42 +61,52 @@ static int probe_disk(const char *path, const char **step) {
     return error;
 }
 
-static void probe(bw_health *h, uint64_t *turns) {
+/* Under lock, which it gives up while it waits for the disk. */
+static void probe(bw_health *h) {
     const char *step;
     uint64_t now = bw_dispatch_turns(h->dispatch);
-    pthread_mutex_lock(&h->lock);
     h->since = bw_mono_ms();
-    h->stuck = now == *turns;
-    pthread_mutex_unlock(&h->lock);
-    *turns = now;
+    h->stuck = now == h->turns;
+    h->turns = now;
     bw_dispatch_wake(h->dispatch);
+    pthread_mutex_unlock(&h->lock);
     int64_t from = bw_mono_us();
     int error = probe_disk(h->path, &step);
     int64_t us = bw_mono_us() - from;
-    if (!error) bw_observe(BW_METRIC_FSYNC_SECONDS, 0, us);
     pthread_mutex_lock(&h->lock);
+    if (h->left) return;
+    if (!error) bw_observe(BW_METRIC_FSYNC_SECONDS, 0, us);
     if (error && error != h->error) bw_event(BW_ERROR, "disk.probe_failed", "step=%s errno=%d", step, error);
     if (!error && h->error) bw_event(BW_INFO, "disk.probe_works", "ms=%" PRId64, us / 1000);
     h->error = error;
     h->step = step;
     h->since = 0;
     if (!error) h->samples[h->count++ % SAMPLES] = (sample){bw_mono_ms(), us};
-    pthread_mutex_unlock(&h->lock);
+}
+
+static void health_free(bw_health *h) {
+    pthread_cond_destroy(&h->wanted);
+    pthread_mutex_destroy(&h->lock);
+    free(h);
+}
+
+static void wait_until(bw_health *h, int64_t until) {
+    struct timespec t = {until / 1000, until % 1000 * 1000000};
+    pthread_cond_timedwait(&h->wanted, &h->lock, &t);
 }
 
 static void *probe_main(void *user) {
     bw_health *h = user;
-    uint64_t turns = UINT64_MAX;
     pthread_mutex_lock(&h->lock);
     while (!h->stopping) {
-        pthread_mutex_unlock(&h->lock);
-        probe(h, &turns);
-        pthread_mutex_lock(&h->lock);
-        int64_t until = bw_mono_ms() + h->config->probe_interval_ms;
-        struct timespec t = {until / 1000, until % 1000 * 1000000};
-        if (!h->stopping) pthread_cond_timedwait(&h->wanted, &h->lock, &t);
+        probe(h);
+        if (!h->stopping) wait_until(h, bw_mono_ms() + h->config->probe_interval_ms);
     }
+    bool left = h->left;
+    h->ended = true;
+    pthread_cond_signal(&h->wanted);
     pthread_mutex_unlock(&h->lock);
+    if (left) health_free(h);
     return NULL;
 }
 
@@ -106,6 +118,7 @@ bw_status bw_health_start(const bw_config *config, bw_store *store, bw_queue *qu
     h->store = store;
     h->queue = queue;
     h->dispatch = dispatch;
+    h->turns = UINT64_MAX;
     snprintf(h->path, sizeof h->path, "%s/tmp/probe", config->data);
     pthread_mutex_init(&h->lock, NULL);
     pthread_condattr_init(&monotonic);
@@ -116,9 +129,7 @@ bw_status bw_health_start(const bw_config *config, bw_store *store, bw_queue *qu
         *out = h;
         return BW_OK;
     }
-    pthread_cond_destroy(&h->wanted);
-    pthread_mutex_destroy(&h->lock);
-    free(h);
+    health_free(h);
     return BW_E_IO;
 }
 
@@ -127,12 +138,18 @@ void bw_health_stop(bw_health *h) {
     pthread_mutex_lock(&h->lock);
     h->stopping = true;
     pthread_cond_signal(&h->wanted);
+    for (int64_t until = bw_mono_ms() + PATIENCE_MS; !h->ended && bw_mono_ms() < until;) wait_until(h, until);
+    bool left = h->left = !h->ended;
+    pthread_t thread = h->thread;
     pthread_mutex_unlock(&h->lock);
-    pthread_join(h->thread, NULL);
+    if (left) { /* its file goes with all of DATA/tmp at the next start: to unlink it now might hang as well */
+        bw_event(BW_WARN, "disk.probe_left", "ms=%d", PATIENCE_MS);
+        pthread_detach(thread);
+        return;
+    }
+    pthread_join(thread, NULL);
     unlink(h->path);
-    pthread_cond_destroy(&h->wanted);
-    pthread_mutex_destroy(&h->lock);
-    free(h);
+    health_free(h);
 }
 
 /* ---- the checks ---- */

@@ -4,7 +4,8 @@
  * function and a row in checks[] (health.c).
  *
  * A thread measures the disk every probe-interval: it writes and syncs a small file in DATA/tmp. That its last try failed, or has not
- * returned, is known without another write, so /readyz waits for no sync.
+ * returned, is known without another write, so /readyz waits for no sync. Nor does bw_health_stop: a sync that has not returned a second later
+ * is left alone, with the thread and what belongs to it.
  */
 #ifndef BW_SERVER_HEALTH_H
 #define BW_SERVER_HEALTH_H

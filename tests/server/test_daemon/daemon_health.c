@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/mount.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "prometheus.h"
@@ -191,6 +192,24 @@ static void a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready(v
     assert_non_null(strstr(detail, "has not answered"));
 }
 
+/* A sync that takes ten minutes; the daemon has one to stop in. */
+static void a_disk_that_does_not_answer_holds_up_no_stop(void **state) {
+    (void)state;
+    int status = -1;
+    start_with_shim("delay:600000", (const char *const[]){"--ready-fsync-fail", "100ms", NULL});
+    expect_verdict("fsync", "fail", 503);
+    kill(d.pid, SIGTERM);
+    for (int i = 0; i < 600 && waitpid(d.pid, &status, WNOHANG) == 0; i++) kit_sleep_ms(100);
+    if (status == -1) kit_kill(&d, SIGKILL);
+    d.pid = 0;
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    char command[200];
+    snprintf(command, sizeof command, "grep -q disk.probe_left %s.log && grep -q daemon.stopped %s.log", d.data, d.data);
+    assert_int_equal(system(command), 0);
+    kit_restart(&d, NULL);
+    expect_verdict("fsync", "ok", 200);
+}
+
 static void a_sync_that_fails_for_the_probe_is_told_and_ends_nothing(void **state) {
     char id[32];
     (void)state;
@@ -316,6 +335,7 @@ int main(void) {
         cmocka_unit_test_teardown(a_full_disk_is_told_and_forgotten_when_there_is_room_again, remove_daemon),
         cmocka_unit_test_teardown(a_data_folder_that_cannot_be_written_is_told, remove_daemon),
         cmocka_unit_test_teardown(a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready, remove_daemon),
+        cmocka_unit_test_teardown(a_disk_that_does_not_answer_holds_up_no_stop, remove_daemon),
         cmocka_unit_test_teardown(a_sync_that_fails_for_the_probe_is_told_and_ends_nothing, remove_daemon),
         cmocka_unit_test_teardown(jobs_and_stages_are_counted, remove_daemon),
         cmocka_unit_test_teardown(requests_that_go_wrong_are_counted_too, remove_daemon),
