@@ -48,33 +48,6 @@ export class Refused extends Error {
   }
 }
 
-const fieldsOf = block => {
-  const event = { event: 'message', data: '' };
-  for (const line of block.split('\n')) {
-    const [, name, value] = /^(\w+): ?(.*)$/.exec(line) || [];
-    if (name === 'data') event.data += (event.data && '\n') + value;
-    else if (name) event[name] = value;
-  }
-  return event;
-};
-
-/** What the daemon tells at `path` as server-sent events, {event, data}, from after seen.id on, which is kept up to date, until it ends, is cut or `signal` is. None if there is no such
- * stream. (EventSource shows no access token.) */
-export async function* events(path, seen, signal) {
-  const headers = { ...credentials(), Accept: 'text/event-stream', ...(seen.id && { 'Last-Event-ID': seen.id }) };
-  const answer = await fetch(new URL(path, document.baseURI), { cache: 'no-store', headers, signal });
-  if (answer.status !== 200) return;
-  const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
-  for (let text = '', piece; !(piece = await reader.read()).done;) {
-    const blocks = (text + piece.value).split('\n\n');
-    text = blocks.pop();
-    for (const { id, event, data } of blocks.map(fieldsOf)) {
-      if (id) seen.id = id;
-      if (data) yield { event, data: JSON.parse(data) };
-    }
-  }
-}
-
 /** The JSON that the daemon answers with; throws Refused with the detail of its problem document. `path` is relative to the page. */
 export async function call(method, path) {
   let answer, body = null;

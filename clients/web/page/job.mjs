@@ -1,7 +1,8 @@
 // One job: how far it is, the best that its search has found so far, the buttons to settle for that or to cancel; why it failed; its report and its files. The job is
 // asked for when its stream of events says that something has changed, until it has ended.
-import { $, call, el, events, Refused, save } from './dom.mjs';
+import { $, call, el, Refused, save } from './dom.mjs';
 import { kindFound, sectionsOf } from './report.mjs';
+import { Stream } from './stream.mjs';
 import { bytes, counted, seconds } from './text.mjs';
 
 const SOON = 50, OFTEN = 500, SELDOM = 5000; // milliseconds until it is asked for: after news, when the stream of news was cut, while nobody looks or the daemon does not answer
@@ -76,8 +77,8 @@ export class JobPage {
 
   follow(id) {
     this.stop();
-    this.id = id, this.asked = false, this.listens = false;
-    this.seen = {}, this.cut = new AbortController();
+    this.id = id, this.asked = false;
+    this.stream = new Stream(`v1/jobs/${id}/events`, { hear: (event, data) => this.hear(event, data), over: finished => this.again(finished ? SOON : OFTEN) });
     for (const part of ['notes', 'attempts', 'report']) $(part).replaceChildren();
     for (const part of ['name', 'facts', 'doing', 'trouble']) $(part).textContent = '';
     $('live').hidden = true;
@@ -87,7 +88,7 @@ export class JobPage {
 
   stop() {
     clearTimeout(this.timer);
-    this.cut?.abort();
+    this.stream?.stop();
     this.timer = 0, this.run++, this.id = '';
   }
 
@@ -100,7 +101,7 @@ export class JobPage {
       if (!this.asked) this.complain('');
       this.show(job);
       if (ended(job)) await this.finishUp(job, run);
-      else this.listen();
+      else this.stream.start(); // when it is over the job is asked for
     } catch (error) {
       if (run !== this.run) return;
       if (!(error instanceof Refused)) throw error;
@@ -115,24 +116,6 @@ export class JobPage {
   again(pause) {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.poll(), document.hidden ? SELDOM : pause);
-  }
-
-  /** Follows the stream of the job's events, until it has ended or another one is followed. */
-  async listen() {
-    const { cut } = this;
-    if (this.listens) return;
-    this.listens = true;
-    let pause = OFTEN;
-    try {
-      for await (const { event, data } of events(`v1/jobs/${this.id}/events`, this.seen, cut.signal)) {
-        if (cut.signal.aborted) return;
-        if (event === 'end') pause = SOON;
-        else this.hear(event, data);
-      }
-    } catch { /* it was cut: what the job is now tells what to do */ }
-    if (cut.signal.aborted) return;
-    this.listens = false;
-    this.again(pause);
   }
 
   /** Progress and notes are shown as they come; after a change of state or stage of the last attempt or a new one the job is asked for. */
@@ -176,7 +159,7 @@ export class JobPage {
 
   async finishUp(job, run) {
     clearTimeout(this.timer);
-    this.cut.abort();
+    this.stream.stop();
     let results = [], report = null;
     if (job.state === 'successful') ({ results } = await call('GET', `v1/jobs/${job.id}/results`));
     if (run !== this.run) return;

@@ -1,14 +1,19 @@
 // The page: which of its views is shown, document.body.dataset.view: list (of jobs), job (progress or report) or mesh; by the address: #<id> of a job, #<id>/report, or none.
-import { $, call, el, tell, useToken } from './dom.mjs';
+import { $, tell, useToken } from './dom.mjs';
 import { ended, JobPage, stateOf } from './job.mjs';
+import { JobList } from './list.mjs';
 import { MeshView } from './viewer.mjs';
 
-const LIST_OFTEN = 2000; // milliseconds
 const MESH = 'hexmesh.bwh';
 const FILE = '#file'; // the address while a file from disk is shown, so that the way back to the list is one to another
 
-let wish = { id: '', report: false }, shown = '', listed = 0; // shown: the job whose mesh is in the view
-const view = name => (document.body.dataset.view = name);
+let wish = { id: '', report: false }, shown = ''; // shown: the job whose mesh is in the view
+const list = new JobList();
+
+function view(name) {
+  document.body.dataset.view = name;
+  list.show(name === 'list');
+}
 
 function fail(text) {
   shown = '';
@@ -22,33 +27,6 @@ const mesh = new MeshView({
   failed: text => (document.body.dataset.view === 'mesh' ? fail(text) : (shown = '')),
 });
 const job = new JobPage({ moved: tellJob, atEnd: showResult, lost: fail });
-
-// ---- the list of jobs
-
-function describe(item, { id, name, created, ...rest }) {
-  const text = `${name || id}\n${stateOf({ id, ...rest })}, ${new Date(created).toLocaleString()}`;
-  if (item.dataset.text === text) return; // who is on the link stays there
-  item.dataset.text = text;
-  item.replaceChildren(el('a', { href: `#${id}` }, name || id), ` ${text.split('\n').at(-1)}`);
-}
-
-async function listJobs() {
-  clearTimeout(listed);
-  listed = setTimeout(listJobs, LIST_OFTEN);
-  if (document.hidden || document.body.dataset.view !== 'list') return;
-  const answer = await call('GET', 'v1/jobs?limit=50').catch(error => error);
-  $('listTrouble').textContent = answer instanceof Error ? answer.message : '';
-  if (answer instanceof Error) return;
-  const items = new Map([...$('list').children].map(item => [item.dataset.id, item]));
-  const all = answer.jobs.map(one => {
-    const item = items.get(one.id) || el('li');
-    item.dataset.id = one.id;
-    describe(item, one);
-    return item;
-  });
-  if (all.length !== items.size || all.some((item, i) => item !== $('list').children[i])) $('list').replaceChildren(...all);
-  $('none').hidden = all.length > 0;
-}
 
 // ---- a job
 
@@ -93,7 +71,6 @@ function follow() {
     job.follow(id);
   } else if (location.hash.length > 1 && location.hash !== FILE) fail('The address names no job: #, then the job\u2019s id');
   else tell('empty', 'Choose a job, or open a file');
-  if (!id) listJobs();
 }
 
 $('access').addEventListener('submit', event => {
@@ -115,6 +92,4 @@ function openFile() {
 
 $('file').addEventListener('change', openFile);
 addEventListener('hashchange', follow);
-document.addEventListener('visibilitychange', listJobs);
 follow();
-listJobs();

@@ -44,6 +44,52 @@ const saved = () => browser.evaluate(`new Promise(resolve => {
   still.click();
 })`);
 
+// In the page: what is asked for (`paths`: paths; `headers`: of streams, with their path), which rows change (`changed`: ids), and whether streams are refused (`refuse`).
+const watchList = () => browser.evaluate(`(() => {
+  const ask = window.fetch;
+  Object.assign(window, { paths: [], headers: [], changed: [], streams: [], refuse: false });
+  window.fetch = async (url, options = {}) => {
+    const path = String(url).slice(document.baseURI.split('#')[0].length), stream = path.endsWith('/events');
+    if (!stream) paths.push(path);
+    else if (refuse) return new Response('', { status: 429 });
+    const wire = new AbortController();
+    options.signal?.addEventListener('abort', () => wire.abort());
+    const answer = await ask(url, { ...options, signal: wire.signal });
+    if (stream) headers.push({ path, ...options.headers }), streams.push({ path, signal: options.signal, wire });
+    return answer;
+  };
+  window.breakStreams = () => streams.forEach(s => s.wire.abort());
+  window.heard = path => headers.some(h => h.path === path);
+  window.cut = path => streams.filter(s => s.path === path).every(s => s.signal.aborted);
+  new MutationObserver(records => {
+    for (const { target, addedNodes } of records) {
+      const rows = target.id === 'list' ? [...addedNodes] : [target.nodeType === 1 ? target.closest('li') : target.parentElement.closest('li')];
+      for (const { dataset: { id } } of rows) if (!changed.includes(id)) changed.push(id);
+    }
+  }).observe(list, { childList: true, subtree: true, characterData: true });
+})()`);
+
+// Past the browser: a job like another one, under a name of its own, which waits, for the searches leave no room; and its end.
+async function submit(like, name) {
+  const { input, options } = await (await fetch(`${url}/v1/jobs/${like}`)).json();
+  const answer = await fetch(`${url}/v1/jobs`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ input, name, options }) });
+  assert.equal(answer.status, 201);
+  return (await answer.json()).id;
+}
+
+const settle = ms => new Promise(done => setTimeout(done, ms));
+const cancel = async id => assert.equal((await fetch(`${url}/v1/jobs/${id}/cancel`, { method: 'POST' })).status, 200);
+const first = pattern => `${pattern}.test(document.querySelector('#list li')?.innerText)`;
+
+// A stream until it has said the words.
+async function all(path, words) {
+  const cut = new AbortController(), answer = await fetch(`${url}/${path}`, { signal: cut.signal });
+  let text = '';
+  for await (const piece of answer.body.pipeThrough(new TextDecoderStream())) if ((text += piece).includes(words)) break;
+  cut.abort();
+  return text;
+}
+
 const tests = {
   async 'the page lists all jobs with their states, and the link of one shows its mesh'() {
     const link = `document.querySelector('#list a[href="#${job}"]')`, line = id => browser.evaluate(`document.querySelector('#list a[href="#${id}"]').parentElement.innerText`);
@@ -51,7 +97,7 @@ const tests = {
     assert.equal(await browser.evaluate(state), 'empty');
     assert.match(await line(job), /^cube\.hexex successful, /);
     assert.match(await line(refused), /^bearing\.hexex failed, /);
-    await until(`/^hexmesh\\.mesh running, \\d+ %/.test(document.querySelector('#list a[href="#${search}"]').parentElement.innerText)`);
+    await until(`/^hexmesh\\.mesh running, stage \\d of 8, /.test(document.querySelector('#list a[href="#${search}"]').parentElement.innerText)`);
     assert.equal(await seen('none'), false);
     await browser.evaluate(`${link}.click()`);
     await until(`${state} === 'ready'`);
@@ -59,6 +105,59 @@ const tests = {
     assert.equal(await faces(), 54);
     assert.match(await browser.evaluate(`counts.textContent`), /^27 hexes, 64 vertices, 1 block$/);
     assert.equal(await browser.evaluate(`histogram.children.length`), 20);
+  },
+  async 'the list hears of jobs, and asks for nothing but a new one, and changes no other row'() {
+    await watchList();
+    await go('');
+    await until(`paths.length > 0`);
+    await settle(500);
+    await browser.evaluate(`(paths.length = changed.length = 0)`);
+    const before = await browser.evaluate(`[...document.querySelectorAll('#list li')].map(item => item.innerText)`), fresh = await submit(job, 'new <b>one</b>');
+    await until(first(/^new <b>one<\/b> queued, /));
+    await cancel(fresh);
+    await until(first(/^new <b>one<\/b> cancelled, /));
+    assert.deepEqual(await browser.evaluate(`paths`), [`v1/jobs/${fresh}`]);
+    assert.deepEqual(await browser.evaluate(`changed`), [fresh]);
+    assert.deepEqual(await browser.evaluate(`[...document.querySelectorAll('#list li')].slice(1).map(item => item.innerText)`), before);
+  },
+  async 'the list misses nothing while it is cut off, and says so'() {
+    assert.ok(await browser.evaluate(`heard('v1/events')`));
+    await offline(true);
+    await browser.evaluate(`breakStreams()`);
+    await until(`/does not answer/.test(listTrouble.textContent)`);
+    const fresh = await submit(job, 'unheard of');
+    await cancel(fresh);
+    await browser.evaluate(`(paths.length = headers.length = 0)`);
+    await offline(false);
+    await until(`${first(/^unheard of cancelled, /)} && listTrouble.textContent === '' && heard('v1/events')`);
+    const last = Number(await browser.evaluate(`headers.find(h => h.path === 'v1/events')['Last-Event-ID']`)), events = await all(`v1/events?after=${last}`, `"dismissed"`);
+    assert.equal(events.match(/^id: /gm).length, events.split(fresh).length - 1); // from after the last that was heard: all are of the new job
+    browser.errors.length = 0; // the browser's own lines about it
+  },
+  async 'the list asks again and again where it is not told, until it is'() {
+    await browser.evaluate(`(window.refuse = true)`);
+    await browser.evaluate(`(paths.length = 0, breakStreams())`);
+    await until(`paths.filter(path => path === 'v1/jobs?limit=50').length > 4`);
+    await cancel(await submit(job, 'polled for'));
+    await until(first(/^polled for cancelled, /));
+    await browser.evaluate(`(window.refuse = false, headers.length = 0)`);
+    await until(`heard('v1/events')`);
+    await settle(500);
+    await browser.evaluate(`(paths.length = 0)`);
+    await settle(3000);
+    assert.deepEqual(await browser.evaluate(`paths`), []);
+    await browser.picture(`${folder}/list.png`);
+    browser.errors.length = 0;
+  },
+  async 'a stream is let go with the list, and taken up with it'() {
+    await browser.evaluate(`(headers.length = 0)`);
+    await go(job);
+    await until(`${state} === 'ready'`);
+    await until(`headers.some(h => h.path === 'v1/events') === false && cut('v1/events')`);
+    await go('');
+    await until(`heard('v1/events')`);
+    await go(job);
+    await until(`${state} === 'ready' && document.body.dataset.view === 'mesh'`);
   },
   async 'a saved picture shows it'() {
     const picture = await saved();
@@ -127,7 +226,6 @@ const tests = {
     await go(search);
     await until(`${state} === 'waiting' && notes.childElementCount > 0`);
     const questions = `performance.getEntriesByType('resource').filter(e => e.name.endsWith('/v1/jobs/${search}')).length`;
-    const settle = ms => browser.evaluate(`new Promise(done => setTimeout(done, ${ms}))`);
     await settle(300);
     const before = await browser.evaluate(questions);
     await settle(1500);
