@@ -30,8 +30,9 @@ Usage: blockwright.sh COMMAND ...
   pin ID             keep it, whatever its age
   unpin ID           let it go by age again
   ls                 list the jobs: id, state, name
-  log ID             show what its workers logged
+  log ID [--follow]  show what its workers logged; --follow goes on until it has ended
   report ID          print its report.json
+  capabilities       print what the daemon can do, as JSON
 
 The daemon's address: --server URL, or the environment's BLOCKWRIGHT_SERVER, or http://127.0.0.1:8080.
 Its access token, if it wants one: the environment's BLOCKWRIGHT_TOKEN, or the first line of --token-file FILE. Certificates to
@@ -133,6 +134,60 @@ request() {
     [2345][0-9][0-9]) return 0 ;;
     esac
     return 1
+}
+
+# stream PATH HANDLER: calls HANDLER EVENT DATA for every server-sent event at PATH, from after $last on, which is kept up to date, until there is
+# no more. $status is that of HTTP then (not three digits: there was no answer), $ended tells whether the daemon has said that this is the end;
+# an answer that is no stream is in $work/body.
+stream() {
+    path=$1
+    handler=$2
+    set --
+    [ -z "$last" ] || set -- -H "Last-Event-ID: $last"
+    [ -p "$work/stream" ] || mkfifo "$work/stream" || exit 5
+    : >"$work/head"
+    : >"$work/body"
+    ended=no status='' event=message data='' number=''
+    curl -sS -N -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -D "$work/head" -H 'Accept: text/event-stream' \
+        "$@" "$server$path" >"$work/stream" 2>"$work/curl" &
+    streaming=$!
+    while IFS= read -r line; do
+        line=${line%"$cr"}
+        [ -n "$status" ] || read_status
+        if [ "$status" = 200 ]; then stream_line; else printf '%s\n' "$line" >>"$work/body"; fi
+    done <"$work/stream"
+    wait "$streaming"
+    streaming=
+    [ -n "$status" ] || read_status
+}
+
+read_status() { status=$(sed -n 's/^HTTP[^ ]* \([0-9][0-9][0-9]\).*/\1/p' "$work/head" | tail -n 1); }
+
+# One line of a stream; an empty one ends an event, and one whose end has not come is none.
+stream_line() {
+    case $line in
+    data:*)
+        line=${line#data:}
+        data=$data${line# }$newline
+        ;;
+    event:*)
+        event=${line#event:}
+        event=${event# }
+        ;;
+    id:*)
+        number=${line#id:}
+        number=${number# }
+        ;;
+    '')
+        [ -z "$data" ] || "$handler" "$event" "${data%"$newline"}"
+        [ "$event" != end ] || ended=yes
+        case $number in
+        '' | *[!0-9]*) ;;
+        *) last=$number ;;
+        esac
+        event=message data='' number=''
+        ;;
+    esac
 }
 
 silent() {
@@ -269,22 +324,53 @@ submit() {
     if [ -n "$out" ]; then fetch "$id"; fi
 }
 
-# A daemon that is restarted meanwhile is waited for, half a minute.
+pause() { sleep 0.5 2>/dev/null || sleep 1; }
+
+# After half a minute without an answer the daemon is not waited for any longer.
+wait_for_it() {
+    silence=$((silence + 1))
+    [ $silence -lt 60 ] || silent
+}
+
+announce() {
+    [ "$1" = "$shown" ] || note "$1"
+    shown=$1
+}
+
+# An event of the job that is watched: a stage that begins, of the attempt that was seen or a later one, or that it waits again.
+on_job_event() {
+    case $1 in
+    stage | state) ;;
+    *) return ;;
+    esac
+    printf '%s\n' "$2" >"$work/event"
+    [ "$(value "$work/event" attempt 1)" -ge "$attempt" ] 2>/dev/null || return 0
+    state=$(value "$work/event" state 1)
+    case $state:$(value "$work/event" change 1) in
+    running:started) announce "running $(value "$work/event" stage 1)" ;;
+    queued:*) announce queued ;;
+    esac
+}
+
+# Follows the stream of a job's events; when that is over the job is asked. A daemon that is restarted meanwhile is waited for.
 watch() {
     silence=60 # one that never answered is not
     shown=
+    last=
     while :; do
+        ended=no
         if request GET "/v1/jobs/$1"; then
             silence=0
             [ "$status" = 200 ] || complain "$work/body" '' ''
             state=$(value "$work/body" state 1)
-            now=$state
-            [ "$state" != running ] || now="$state $(value "$work/body" stage 1)"
-            [ "$now" = "$shown" ] || note "$now"
-            shown=$now
+            attempt=$(members "$work/body" | awk '/^"attempt":[0-9]+$/ { n = substr($0, 11) } END { print n + 0 }')
             case $state in
-            queued | running) ;;
-            successful) return ;;
+            queued) announce queued ;;
+            running) announce "running $(value "$work/body" stage 1)" ;;
+            successful)
+                announce successful
+                return
+                ;;
             failed) complain "$work/body" failure "job $1: " ;;
             dismissed)
                 error "job $1 was cancelled"
@@ -295,11 +381,30 @@ watch() {
                 exit 5
                 ;;
             esac
+            stream "/v1/jobs/$1/events" on_job_event
         else
-            silence=$((silence + 1))
-            [ $silence -lt 60 ] || silent
+            wait_for_it
         fi
-        sleep 0.5 2>/dev/null || sleep 1
+        [ $ended = yes ] || pause
+    done
+}
+
+on_log_event() { [ "$1" != log ] || printf '%s\n' "$2" | tr -d '\000-\010\013-\037\177'; }
+
+# Prints the log of job ID until the job has ended; no line is lost or repeated when the daemon is restarted meanwhile.
+follow_log() {
+    silence=60
+    last=
+    while :; do
+        stream "/v1/jobs/$1/log?follow=true" on_log_event
+        case $status in
+        200) silence=0 ;;
+        204) return ;;
+        [345]??) complain "$work/body" '' '' ;;
+        *) wait_for_it ;;
+        esac
+        [ $ended = no ] || return 0
+        pause
     done
 }
 
@@ -421,20 +526,21 @@ token=${BLOCKWRIGHT_TOKEN:-}
 quiet=no
 wait=no
 pin=no
+follow=no
 limits= # as they stand in the request
 repair=no
 tmesh=no
 route=
 subdivide=
-map_work= max_hexes=
+map_work='' max_hexes=''
 smooth=
-formats= bits=
+formats='' bits=''
 rounding=no
 out=
 complex=
 reduce=
 kind=
-explore= explore_cost= explore_expand=
+explore='' explore_cost='' explore_expand=''
 explore_numbers= # as they stand in the request
 quantize=
 size=
@@ -452,6 +558,7 @@ while [ $# -gt 0 ]; do
     --quiet | -q) quiet=yes ;;
     --wait | -w) wait=yes ;;
     --pin) pin=yes ;;
+    --follow | -f) follow=yes ;;
     --repair) repair=yes ;;
     --rounding) rounding=yes ;;
     --tmesh) tmesh=yes ;;
@@ -517,7 +624,11 @@ for need in curl sha256sum awk sed; do
     }
 done
 work=$(mktemp -d "${TMPDIR:-/tmp}/blockwright.XXXXXX") || exit 5
-trap 'rm -rf "$work"' EXIT
+streaming=
+cr=$(printf '\r')
+newline='
+'
+trap '[ -z "$streaming" ] || kill "$streaming" 2>/dev/null; rm -rf "$work"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 : >"$work/body"
@@ -534,11 +645,12 @@ esac
 
 case $command in
 '') mistake "which command?" ;;
-ls) [ -z "$operand" ] || mistake "ls takes no operand" ;;
+ls | capabilities) [ -z "$operand" ] || mistake "$command takes no operand" ;;
 submit) [ -n "$operand" ] || mistake "submit needs a FILE" ;;
 watch | fetch | finish | cancel | retry | rm | pin | unpin | log | report) check_id "$operand" ;;
 *) mistake "there is no command '$command'" ;;
 esac
+[ $follow = no ] || [ "$command" = log ] || mistake "--follow goes with log"
 case $command in
 submit) submit "$operand" ;;
 watch)
@@ -551,6 +663,7 @@ rm) remove "$operand" ;;
 pin) set_pin PUT "$operand" ;;
 unpin) set_pin DELETE "$operand" ;;
 ls) list ;;
-log) show "/v1/jobs/$operand/log" ;;
+log) if [ $follow = yes ]; then follow_log "$operand"; else show "/v1/jobs/$operand/log"; fi ;;
+capabilities) show /v1/capabilities ;;
 report) show "/v1/jobs/$operand/report" ;;
 esac

@@ -416,17 +416,22 @@ static void the_log_is_there(void **state) {
 static void the_log_is_followed_to_the_end(void **state) {
     (void)state;
     char id[ID_MAX];
-    submit(C_CLIENT, part, id);
-    kit_result followed = call_well(C_CLIENT, (const char *[]){"log", id, "--follow", NULL});
-    watch(C_CLIENT, id); /* has ended */
-    kit_result whole = call_well(C_CLIENT, (const char *[]){"log", id, NULL});
-    kit_result last = call_well(C_CLIENT, (const char *[]){"log", id, "--tail", "1", NULL});
-    assert_string_equal(followed.out, whole.out);
-    assert_true(last.out_size <= whole.out_size);
-    assert_string_equal(last.out, whole.out + whole.out_size - last.out_size);
-    kit_result_clear(&followed);
-    kit_result_clear(&whole);
-    kit_result_clear(&last);
+    for (client c = 0; c < CLIENTS; c++) {
+        submit(C_CLIENT, part, id);
+        kit_result followed = call_well(c, (const char *[]){"log", id, "--follow", NULL});
+        watch(C_CLIENT, id); /* has ended */
+        kit_result whole = call_well(C_CLIENT, (const char *[]){"log", id, NULL});
+        kit_result last = call_well(C_CLIENT, (const char *[]){"log", id, "--tail", "1", NULL});
+        kit_result again = call_well(c, (const char *[]){"log", id, "--follow", NULL});
+        assert_string_equal(followed.out, whole.out);
+        assert_string_equal(again.out, whole.out);
+        assert_true(last.out_size <= whole.out_size);
+        assert_string_equal(last.out, whole.out + whole.out_size - last.out_size);
+        kit_result_clear(&followed);
+        kit_result_clear(&whole);
+        kit_result_clear(&last);
+        kit_result_clear(&again);
+    }
 }
 
 static void a_job_outlives_a_kill_of_its_daemon(void **state) {

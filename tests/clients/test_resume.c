@@ -1,4 +1,4 @@
-/* A large input gets to a real daemon over connections that break, and past a daemon that is killed on the way. */
+/* Over connections that break: a large input gets to a real daemon, also past one that is killed on the way, and its events get to the clients. */
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -18,6 +18,8 @@ static daemon_here here;
 /* Between client and daemon, for one connection after the other. */
 typedef struct {
     int64_t quota;      /* bytes of the client after which a connection is broken; 0: none is */
+    int64_t down;       /* bytes of the daemon after which a connection is broken; 0: none is */
+    int cuts;           /* connections that are broken so, no more */
     pid_t victim;       /* killed when the first one is broken; 0: nobody */
     bool moody;         /* the first request of a kind is cut off unanswered, the second answered with 503 */
     int busy;           /* seconds of Retry-After in those 503; 0: none */
@@ -48,20 +50,22 @@ static int connect_on(void) {
     return -1;
 }
 
-/* Carries both ways until an end closes, or the client has sent its quota: then it is true. */
+/* Carries both ways until an end closes, or the client or the daemon has sent its quota: then it is true. */
 static bool carry(const proxy *p, int client, int server) {
     static char buffer[65536 + 1];
     struct pollfd ends[2] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
-    for (int64_t sent = 0; poll(ends, 2, -1) > 0;) {
+    for (int64_t sent = 0, got = 0; poll(ends, 2, -1) > 0;) {
         for (int i = 0; i < 2; i++) {
             if (!ends[i].revents) continue;
             ssize_t n = recv(ends[i].fd, buffer, sizeof buffer - 1, 0);
             if (n <= 0) return false;
             buffer[n] = 0;
             if (i == 0 && p->before_tus && !strncmp(buffer, "POST /v1/uploads ", 17)) memcpy(buffer + 9, "nothing", 7);
+            bool cut = i == 1 && p->cuts && got + n >= p->down;
+            if (cut) n = (ssize_t)(p->down - got);
             write_all(ends[1 - i].fd, buffer, n);
-            if (i == 0) sent += n;
-            if (p->quota && sent >= p->quota) return true;
+            *(i ? &got : &sent) += n;
+            if (cut || (p->quota && sent >= p->quota)) return true;
         }
     }
     return false;
@@ -108,6 +112,7 @@ static void serve(proxy *p) {
         int client = accept(p->listener, NULL, NULL), server = is_moody(p, client) ? -1 : connect_on();
         if (server >= 0 && carry(p, client, server)) {
             note('x');
+            if (p->cuts) p->cuts--;
             if (p->victim) kill(p->victim, SIGKILL), p->victim = 0, p->quota = 0;
         }
         if (server >= 0) close(server);
@@ -263,6 +268,75 @@ static void a_daemon_that_wants_to_be_left_alone_for_long_is(void **state) {
     free(notes);
 }
 
+static kit_result call(bool shell, const char *url, const char *command, const char *id, const char *option) {
+    const char *const words[] = {"sh", BW_SOURCE_DIR "/clients/sh/blockwright.sh", command, id, "--server", url, option, NULL};
+    const char *own[] = {kit_program("blockwright"), command, id, "--server", url, option, NULL};
+    kit_result r = kit_run(shell ? words : own);
+    if (r.exit != 0) fail_msg("%s: exit %d\n%s", command, r.exit, r.err);
+    return r;
+}
+
+enum { CUTS = 7, DOWN = 500 }; /* an answer's head and a bit of the log */
+
+/* A job that has just begun, of another kind than the one before. */
+static char *new_job(bool other) {
+    const char *part = kit_temp_path("part.hexex");
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "-o", part, NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--quantize", "any", "--target-hexes", other ? "3000" : "4000", "--server", here.url, "--quiet", NULL});
+    assert_int_equal(r.exit, 0);
+    char *id = strndup(r.out, strcspn(r.out, "\n"));
+    kit_result_clear(&r);
+    return id;
+}
+
+static void a_log_is_followed_past_every_break_without_loss_or_repetition(void **state) {
+    (void)state;
+    for (int shell = 0; shell < 2; shell++) {
+        proxy p = {.down = DOWN, .cuts = CUTS};
+        char *id = new_job(shell);
+        proxy_start(&p);
+        kit_result r = call(shell, p.url, "log", id, "--follow");
+        assert_true(proxy_stop(&p) > 0);
+        kit_result whole = call(false, here.url, "log", id, NULL);
+        assert_string_equal(r.out, whole.out);
+        kit_result_clear(&r);
+        kit_result_clear(&whole);
+        free(id);
+    }
+}
+
+static size_t lines_of(const char *text, const char *line) {
+    size_t n = 0, size = strlen(line);
+    for (const char *at = text; (at = strstr(at, line)); at += size) n += at[size] == '\n' && (at == text || at[-1] == '\n');
+    return n;
+}
+
+/* The shell's client tells each stage once; it joins while the search runs, so what was before is not told. */
+static void a_job_is_watched_past_every_break_to_its_end(void **state) {
+    (void)state;
+    const char *part = kit_temp_path("bearing.hexex");
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "bearing", "--size", "2", "-o", part, NULL});
+    assert_int_equal(r.exit, 0);
+    kit_result_clear(&r);
+    r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--explore", "anneal", "--explore-work", "1000000000", "--explore-time", "2",
+                                 "--server", here.url, "--quiet", NULL});
+    assert_int_equal(r.exit, 0);
+    char *id = strndup(r.out, strcspn(r.out, "\n"));
+    kit_result_clear(&r);
+    proxy p = {.down = 3000, .cuts = CUTS};
+    proxy_start(&p);
+    r = call(true, p.url, "watch", id, NULL);
+    assert_true(proxy_stop(&p) > 0);
+    if (lines_of(r.err, "running reduce") > 1 || lines_of(r.err, "running encode") != 1 || lines_of(r.err, "successful") != 1) fail_msg("%s", r.err);
+    kit_result_clear(&r);
+    r = call(true, here.url, "watch", id, NULL); /* has ended */
+    if (strcmp(r.err, "successful\n") != 0) fail_msg("%s", r.err);
+    kit_result_clear(&r);
+    free(id);
+}
+
 static int start(void **state) {
     (void)state;
     daemon_start(&here);
@@ -282,6 +356,8 @@ int main(void) {
         cmocka_unit_test(every_request_of_an_upload_is_tried_again),
         cmocka_unit_test(a_small_file_is_sent_again_and_not_before_the_daemon_wants_it),
         cmocka_unit_test(a_daemon_that_wants_to_be_left_alone_for_long_is),
+        cmocka_unit_test(a_log_is_followed_past_every_break_without_loss_or_repetition),
+        cmocka_unit_test(a_job_is_watched_past_every_break_to_its_end),
     };
     return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
 }
