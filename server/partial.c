@@ -22,7 +22,7 @@ struct bw_partial {
     char *metadata;
     uint64_t length, written, durable, mark, behind; /* behind: see bw_write_behind */
     int64_t expires;
-    bool taken, kept;                /* under the lock; kept: there is a sidecar */
+    bool taken, kept, complete;      /* under the lock; kept: there is a sidecar; complete: it has become a blob */
     int fd;                          /* while it is taken and incomplete; else -1 */
     bw_digest *digest, *mark_digest; /* of what is written; NULL: not known */
     TAILQ_ENTRY(bw_partial) link;
@@ -32,7 +32,6 @@ struct bw_partials {
     char folder[PATH_MAX - 200];
     bw_store *store;
     pthread_mutex_t lock;
-    int count;
     TAILQ_HEAD(, bw_partial) list;
 };
 
@@ -51,14 +50,12 @@ static void free_partial(bw_partial *p) {
 static void list_partial(bw_partial *p) {
     pthread_mutex_lock(&p->all->lock);
     TAILQ_INSERT_TAIL(&p->all->list, p, link);
-    p->all->count++;
     pthread_mutex_unlock(&p->all->lock);
 }
 
 static void unlist_partial(bw_partial *p) {
     pthread_mutex_lock(&p->all->lock);
     TAILQ_REMOVE(&p->all->list, p, link);
-    p->all->count--;
     pthread_mutex_unlock(&p->all->lock);
 }
 
@@ -99,6 +96,7 @@ static bool parse_sidecar(bw_partial *p, const json_t *o) {
     if (metadata && !(p->metadata = strdup(metadata))) return false;
     p->expires = (int64_t)expires;
     p->written = p->durable;
+    p->complete = *p->blob;
     p->kept = true;
     return true;
 }
@@ -200,12 +198,22 @@ void bw_partials_close(bw_partials *all) {
 
 /* ---- taking ---- */
 
-bw_status bw_partial_create(bw_partials *all, const bw_partial_new *wanted, int most, bw_partial **out) {
-    char path[PATH_MAX];
+void bw_partials_tally(bw_partials *all, const char *owner, bw_partial_tally *tally) {
+    *tally = (bw_partial_tally){0};
+    bw_partial *p;
     pthread_mutex_lock(&all->lock);
-    bool full = all->count >= most;
+    TAILQ_FOREACH(p, &all->list, link) {
+        if (p->complete) continue;
+        tally->uploads++;
+        if (strcmp(p->owner, owner) != 0) continue;
+        tally->of_owner++;
+        tally->bytes_of_owner += p->length;
+    }
     pthread_mutex_unlock(&all->lock);
-    if (full) return BW_E_LIMIT;
+}
+
+bw_status bw_partial_create(bw_partials *all, const bw_partial_new *wanted, bw_partial **out) {
+    char path[PATH_MAX];
     bw_partial *p = calloc(1, sizeof *p);
     if (!p) return BW_E_MEMORY;
     p->all = all;
@@ -269,14 +277,27 @@ void bw_partial_remove(bw_partial *p) {
     free_partial(p);
 }
 
-int bw_partials_expire(bw_partials *all, int64_t now) {
+/* The next one to go, taken: what is due, or the oldest of too many that are complete. */
+static bw_partial *take_old(bw_partials *all, int64_t now, int most) {
+    bw_partial *p, *oldest = NULL, *due = NULL;
+    int complete = 0;
+    pthread_mutex_lock(&all->lock);
+    TAILQ_FOREACH(p, &all->list, link) {
+        complete += p->complete;
+        if (p->taken) continue;
+        if (!oldest && p->complete) oldest = p;
+        if (!due && p->expires <= now) due = p;
+    }
+    if (!due && complete > most) due = oldest;
+    if (due) due->taken = true;
+    pthread_mutex_unlock(&all->lock);
+    return due;
+}
+
+int bw_partials_expire(bw_partials *all, int64_t now, int most) {
     int removed = 0;
     for (;;) {
-        pthread_mutex_lock(&all->lock);
-        bw_partial *p = TAILQ_FIRST(&all->list);
-        while (p && (p->taken || p->expires > now)) p = TAILQ_NEXT(p, link);
-        if (p) p->taken = true;
-        pthread_mutex_unlock(&all->lock);
+        bw_partial *p = take_old(all, now, most);
         if (!p) return removed;
         bw_event(BW_INFO, "upload.expired", "upload=%s bytes=%llu", p->id, (unsigned long long)p->written);
         bw_partial_remove(p);
@@ -365,6 +386,7 @@ bw_status bw_partial_commit(bw_partial *p, int64_t expires, char actual[BW_SHA25
     }
     pthread_mutex_lock(&p->all->lock);
     p->kept = true;
+    p->complete = *p->blob;
     pthread_mutex_unlock(&p->all->lock);
     return BW_OK;
 }

@@ -28,7 +28,16 @@ typedef struct bw_partial bw_partial;
 /* (slow) `data`: the daemon's folder. The store is borrowed. */
 bw_status bw_partials_open(const char *data, bw_store *store, bw_partials **partials);
 void bw_partials_close(bw_partials *partials); /* all are released */
-int bw_partials_expire(bw_partials *partials, int64_t now); /* (slow) deletes those that are due and not taken; returns how many */
+/* (slow) Deletes those that are due and not taken, and of those that are complete the oldest beyond `most`: who has not heard that
+ * its upload is complete asks soon. Returns how many. */
+int bw_partials_expire(bw_partials *partials, int64_t now, int most);
+
+typedef struct {
+    int uploads, of_owner;   /* that are not complete */
+    uint64_t bytes_of_owner; /* that they are to have when they are */
+} bw_partial_tally;
+void bw_partials_tally(bw_partials *partials, const char *owner, bw_partial_tally *tally);
+
 
 typedef struct {
     const char *owner;    /* "": the local one */
@@ -38,8 +47,8 @@ typedef struct {
     int64_t expires;      /* ms since 1970 */
 } bw_partial_new;
 
-/* Makes the file and takes the upload; it is durable, and known to others, after the first bw_partial_commit. BW_E_LIMIT: there are `most` already. */
-bw_status bw_partial_create(bw_partials *partials, const bw_partial_new *wanted, int most, bw_partial **partial);
+/* Makes the file and takes the upload; it is durable, and known to others, after the first bw_partial_commit. */
+bw_status bw_partial_create(bw_partials *partials, const bw_partial_new *wanted, bw_partial **partial);
 
 typedef enum { BW_PARTIAL_TAKEN, BW_PARTIAL_UNKNOWN, BW_PARTIAL_BUSY, BW_PARTIAL_FAILED } bw_partial_found;
 /* What is of another owner is as if it were not there. */

@@ -122,6 +122,7 @@ static const line request_lines[] = {
     {"owner_bytes", "inputs of an owner together", BYTES},
     {"owner_jobs", "jobs of an owner that wait or run", COUNT},
     {"owner_running", "stages of an owner at the same time", COUNT},
+    {"owner_uploads", "resumable uploads of an owner", COUNT},
     {"owner_streams", "event streams of an owner", COUNT},
     {"workers", "stages at the same time", COUNT},
 };

@@ -50,7 +50,7 @@ static void watch_uploads(bw_http *http) {
 
 static void expire_uploads(void *user) {
     bw_http *http = user;
-    bw_partials_expire(http->traffic.partials, bw_now_ms());
+    bw_partials_expire(http->traffic.partials, bw_now_ms(), http->services.config->max_uploads);
     watch_uploads(http);
 }
 

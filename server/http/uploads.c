@@ -291,8 +291,20 @@ static void finish_body(bw_request *r) {
 
 /* ---- the operations ---- */
 
+/* Several requests at once may each find the last place free. */
+static bool is_place_for(bw_request *r, uint64_t length) {
+    const bw_config *config = r->services->config;
+    bw_partial_tally tally;
+    bw_partials_tally(r->traffic->partials, r->caller.owner, &tally);
+    if (config->owner_uploads && tally.of_owner >= config->owner_uploads)
+        problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d of this owner's uploads are under way already", tally.of_owner);
+    else if (tally.uploads >= config->max_uploads) problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d uploads are under way already", tally.uploads);
+    else return bw_http_blob_fits(r, tally.bytes_of_owner + length);
+    bw_reply_header(r, "Retry-After", "60");
+    return false;
+}
+
 static void create(bw_request *r, uint64_t length) {
-    const bw_services *services = r->services;
     const char *metadata = bw_request_header(r, "Upload-Metadata");
     char expected[BW_SHA256_TEXT] = "";
     if (metadata && !read_metadata(metadata, expected)) {
@@ -303,11 +315,7 @@ static void create(bw_request *r, uint64_t length) {
     upload_state *s = new_state(r);
     if (!s || !read_checksum(r, s)) return;
     bw_partial_new wanted = {.owner = r->caller.owner, .length = length, .expected = expected, .metadata = metadata, .expires = expiry(r)};
-    bw_status status = bw_partial_create(r->traffic->partials, &wanted, services->config->max_uploads, &s->partial);
-    if (status == BW_E_LIMIT) {
-        problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d uploads are under way already", (int)services->config->max_uploads);
-        bw_reply_header(r, "Retry-After", "60");
-    } else if (status != BW_OK || bw_partial_mark(s->partial) != BW_OK) {
+    if (bw_partial_create(r->traffic->partials, &wanted, &s->partial) != BW_OK || bw_partial_mark(s->partial) != BW_OK) {
         storage_problem(r);
     } else {
         snprintf(r->parameters[0], sizeof r->parameters[0], "%s", bw_partial_id(s->partial));
@@ -323,7 +331,7 @@ void bw_http_upload_create_begin(bw_request *r) {
     else if (!read_number(r, "Upload-Length", &length)) return;
     else if (length > most) problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
     else if (bw_store_room(services->store) < length + BW_ROOM_KEPT) problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more", (unsigned long long)length);
-    else if (!has_body(r) || check_body(r, length)) create(r, length);
+    else if ((!has_body(r) || check_body(r, length)) && is_place_for(r, length)) create(r, length);
 }
 
 void bw_http_upload_create(bw_request *r) { finish_body(r); }

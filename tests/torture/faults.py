@@ -23,7 +23,7 @@ HOUR, DAY = 3600 * 1000, 86400 * 1000
 class Faults:
     def __init__(self, arguments):
         self.a, self.rng = arguments, random.Random(arguments.seed)
-        self.daemon = kit.Daemon(arguments.bin, arguments.folder, ["--workers", "2", *arguments.daemon_option])
+        self.daemon = kit.Daemon(arguments.bin, arguments.folder, ["--workers", "2", "--upload-keep", "10m", *arguments.daemon_option])
         self.daemon.start()
         self.client = kit.Client(self.daemon, timeout=30)
         self.interface = kit.Interface(self.client)
@@ -201,7 +201,7 @@ class Faults:
 
     def enumerate(self):
         cases = self.plan()
-        chosen = cases if self.a.cases >= len(cases) else self.rng.sample(cases, self.a.cases)
+        chosen = cases[self.a.skip:] if self.a.cases >= len(cases) else self.rng.sample(cases, self.a.cases)
         hits, before = [], time.monotonic()
         for i, (rules, phase, may_fail) in enumerate(chosen):
             self.attempt("calls", lambda: hits.append(self.case(rules, phase, may_fail)))
@@ -395,6 +395,7 @@ class Faults:
 
 def main():
     Faults(kit.parse(__doc__, [("cases", 40, 1000000, "how many of the enumerated faults, drawn at random"), ("delay", 50, 300, "ms of a sync on the slow disk"),
+                               ("skip", 0, 0, "with all of them: leave out the first so many"),
                                ("case", "", "", "only this rule of shim.c"), ("phase", "job", "job", "its phase: job, start or stop")])).run()
 
 

@@ -1,4 +1,5 @@
 /* Resumable uploads (tus 1.0.0): in parts, over broken connections and a killed daemon; and everything that is refused. */
+#include <dirent.h>
 #include <openssl/evp.h>
 #include <signal.h>
 #include <stdio.h>
@@ -388,6 +389,56 @@ static void there_is_a_limit_to_their_number(void **state) {
     kit_expect_problem(r, 429, "too-many-uploads");
 }
 
+static int sidecars(void) {
+    char folder[200];
+    int n = 0;
+    snprintf(folder, sizeof folder, "%s/uploads", d.data);
+    DIR *open = opendir(folder);
+    assert_non_null(open);
+    for (struct dirent *e; (e = readdir(open));) n += strstr(e->d_name, ".json") != NULL;
+    closedir(open);
+    return n;
+}
+
+static void those_that_are_complete_are_not_under_way(void **state) {
+    (void)state;
+    char text[8];
+    kit_remove(&d);
+    kit_start(&d, NULL, arguments);
+    for (int i = 0; i < 40; i++) {
+        snprintf(text, sizeof text, "%04d", i);
+        kit_reply r = post(BYTES "Upload-Length: 4", text, 4);
+        assert_int_equal(r.status, 201);
+        kit_free(&r);
+    }
+    assert_true(sidecars() > 30); /* 40, if the oldest were not collected yet */
+    for (int i = 0; i < 3000 && sidecars() > 30; i++) kit_sleep_ms(10);
+    assert_int_equal(sidecars(), 30);
+}
+
+static void an_owner_has_only_so_many_and_so_large(void **state) {
+    (void)state;
+    kit_daemon few;
+    kit_start(&few, NULL, (const char *const[]){"--owner-uploads", "3", "--owner-bytes", "1000", NULL});
+    kit_token ada = kit_new_token(&few, "ada", "--scopes submit,read"), bob = kit_new_token(&few, "bob", "--scopes submit,read");
+    static const struct {
+        bool bobs;
+        int length;
+        const char *problem;
+    } steps[] = {{false, 300, NULL}, {false, 300, NULL}, {false, 401, "too-many-bytes"}, {false, 400, NULL},
+                 {false, 0, "too-many-uploads"}, {true, 1000, NULL}, {true, 1, "too-many-bytes"}};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
+        char headers[300];
+        snprintf(headers, sizeof headers, TUS "Upload-Length: %d\nAuthorization: Bearer %s", steps[i].length, steps[i].bobs ? bob.secret : ada.secret);
+        kit_reply r = kit_request(&few, "POST", "/v1/uploads", headers, NULL, 0);
+        if (steps[i].problem) assert_true(atoi(kit_header(&r, "Retry-After")) > 0);
+        if (steps[i].problem) kit_expect_problem(r, 429, steps[i].problem);
+        else assert_int_equal(r.status, 201);
+        if (!steps[i].problem) kit_free(&r);
+    }
+    kit_remove(&few);
+}
+
 static void what_nobody_goes_on_with_expires(void **state) {
     (void)state;
     char path[80], file[200];
@@ -466,6 +517,8 @@ int main(void) {
         cmocka_unit_test(an_upload_that_is_given_up_is_gone_but_not_its_blob),
         cmocka_unit_test(there_is_a_limit_to_their_number),
         cmocka_unit_test(what_nobody_goes_on_with_expires),
+        cmocka_unit_test(those_that_are_complete_are_not_under_way),
+        cmocka_unit_test(an_owner_has_only_so_many_and_so_large),
         cmocka_unit_test(an_upload_of_another_owner_is_as_if_it_were_not_there),
     };
     return cmocka_run_group_tests(tests, start, stop);
