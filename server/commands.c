@@ -262,9 +262,10 @@ typedef struct {
 
 static int run_verb(int argc, char **argv, const verb *verbs, const char *usage) {
     static bw_config config;
-    if (argc < 2 || strcmp(argv[1], "--help") == 0) {
-        fputs(usage, argc < 2 ? stderr : stdout);
-        return argc < 2 ? USAGE : DONE;
+    if (take_flag(&argc, argv, "--help")) return fputs(usage, stdout) < 0;
+    if (argc < 2) {
+        fputs(usage, stderr);
+        return USAGE;
     }
     for (; verbs->word; verbs++)
         if (strcmp(argv[1], verbs->word) == 0) {
