@@ -283,18 +283,20 @@ int cli_http_refused(const cli_http *http, const cli_reply *reply) {
     return code;
 }
 
+json_t *cli_http_parsed(const cli_http *http, cli_reply *reply, int *exit_code) {
+    json_t *answer = NULL;
+    if (reply->status / 100 == 2) answer = reply->body ? json_loads(reply->body, 0, NULL) : NULL;
+    if (!answer) *exit_code = cli_http_refused(http, reply);
+    cli_reply_clear(reply);
+    return answer;
+}
+
 json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json,
                       int *exit_code) {
     cli_reply reply;
-    json_t *answer = NULL;
-    if (!cli_http_call(http, method, path, json, &reply)) {
-        *exit_code = cli_http_failed(http);
-        return NULL;
-    }
-    if (reply.status / 100 == 2) answer = reply.body ? json_loads(reply.body, 0, NULL) : NULL;
-    if (!answer) *exit_code = cli_http_refused(http, &reply);
-    cli_reply_clear(&reply);
-    return answer;
+    if (cli_http_call(http, method, path, json, &reply)) return cli_http_parsed(http, &reply, exit_code);
+    *exit_code = cli_http_failed(http);
+    return NULL;
 }
 
 bool cli_job_id_valid(const char *id) {

@@ -58,6 +58,8 @@ void cli_reply_clear(cli_reply *reply);
 /* Sends a request and parses the answer, which must have a 2xx status and be JSON. NULL otherwise: the reason
  * is on standard error and *exit_code is set. json_decref() the result. */
 json_t *cli_http_json(cli_http *http, const char *method, const char *path, const char *json, int *exit_code);
+/* The second half of it: parses a reply, and clears it. */
+json_t *cli_http_parsed(const cli_http *http, cli_reply *reply, int *exit_code);
 /* Says what a reply that is not a success means; returns the exit code. */
 int cli_http_refused(const cli_http *http, const cli_reply *reply);
 /* Says that the last call failed; returns the exit code. */

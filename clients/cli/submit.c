@@ -3,8 +3,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 
 #include "joboptions.h"
+#include "persist.h"
 #include "remote.h"
 #include "upload.h"
 
@@ -90,6 +92,38 @@ static char *job_request(const settings *s, json_t *job_options, const char *fil
     return body;
 }
 
+/* The request for a job, with a key, so that it may be sent twice: there will be one job. */
+typedef struct {
+    cli_http *http;
+    char *body;
+    char key[202];
+} order;
+
+static bool send_order(void *user, cli_reply *reply) {
+    order *o = user;
+    cli_http_header(o->http, "Idempotency-Key", o->key);
+    return cli_http_call(o->http, "POST", "/v1/jobs", o->body, reply);
+}
+
+static bool make_key(const char *given, char *key, size_t size) {
+    unsigned char random[16];
+    if (given) return snprintf(key, size, "%s", given) < (int)size;
+    if (getrandom(random, sizeof random, 0) != (ssize_t)sizeof random) return false;
+    for (size_t i = 0; i < sizeof random; i++) snprintf(key + 2 * i, size - 2 * i, "%02x", random[i]);
+    return true;
+}
+
+static json_t *place(cli_http *http, const char *key, char *body, int *code) {
+    order o = {.http = http, .body = body};
+    cli_persistence p;
+    cli_reply reply;
+    cli_persist_begin(&p, http, "job", NULL);
+    *code = CLI_INTERNAL;
+    if (!make_key(key, o.key, sizeof o.key)) cli_error("no random key for the job");
+    else if (cli_persist(&p, send_order, &o, &reply, code)) return cli_http_parsed(http, &reply, code);
+    return NULL;
+}
+
 static int submit(cli_http *http, const settings *s, json_t *job_options, const char *file) {
     blobs names = {0};
     int code = cli_upload(http, file, s->quiet, names.input);
@@ -101,8 +135,7 @@ static int submit(cli_http *http, const settings *s, json_t *job_options, const 
         cli_error("out of memory");
         return CLI_INTERNAL;
     }
-    if (s->key) cli_http_header(http, "Idempotency-Key", s->key);
-    json_t *job = cli_http_json(http, "POST", "/v1/jobs", body, &code);
+    json_t *job = place(http, s->key, body, &code);
     free(body);
     if (!job) return code;
     const char *id = json_string_value(json_object_get(job, "id"));
@@ -148,9 +181,9 @@ const cli_command cli_command_submit = {
     .name = "submit",
     .synopsis = "FILE [options]",
     .summary = "give a part to a daemon as a job",
-    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. An upload is\n"
-             "tried again after its connection broke or the daemon was busy; one of 64 MiB or more goes on\n"
-             "where it was. A Medit mesh of tets has\n"
+    .about = "Uploads FILE, unless the daemon has it already, and creates a job for it. Both are tried\n"
+             "again after a connection broke or the daemon was busy: there is one job in the end, and\n"
+             "an upload of 64 MiB or more goes on where it was. A Medit mesh of tets has\n"
              "its parameters in a second file, which --parameters names. The job's id\n"
              "is printed on standard output as soon as the daemon has stored the job for good. With\n"
              "--wait the command stays until the job has ended and its exit code tells how; with --out\n"

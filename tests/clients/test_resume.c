@@ -10,7 +10,7 @@
 enum { SIZE = 70 << 20, QUOTA = 20 << 20 };
 
 /* The requests of an upload. */
-static const char *const kinds[] = {"HEAD /v1/blobs/", "POST /v1/uploads ", "HEAD /v1/uploads/", "PATCH /v1/uploads/", "PUT /v1/blobs/"};
+static const char *const kinds[] = {"HEAD /v1/blobs/", "POST /v1/uploads ", "HEAD /v1/uploads/", "PATCH /v1/uploads/", "PUT /v1/blobs/", "POST /v1/jobs "};
 enum { KINDS = sizeof kinds / sizeof *kinds };
 
 static daemon_here here;
@@ -23,6 +23,7 @@ typedef struct {
     pid_t victim;       /* killed when the first one is broken; 0: nobody */
     bool moody;         /* the first request of a kind is cut off unanswered, the second answered with 503 */
     int busy;           /* seconds of Retry-After in those 503; 0: none */
+    bool loses_answer;  /* the first job that is asked for is made, and nobody told */
     bool before_tus;    /* the daemon does not see that an upload is asked for: it answers as one of before did */
     int asked[KINDS];   /* requests of a kind that it was moody about */
     struct timespec due; /* not before then may anything come after a 503 */
@@ -51,8 +52,9 @@ static int connect_on(void) {
 }
 
 /* Carries both ways until an end closes, or the client or the daemon has sent its quota: then it is true. */
-static bool carry(const proxy *p, int client, int server) {
+static bool carry(proxy *p, int client, int server) {
     static char buffer[65536 + 1];
+    bool lost = false;
     struct pollfd ends[2] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
     for (int64_t sent = 0, got = 0; poll(ends, 2, -1) > 0;) {
         for (int i = 0; i < 2; i++) {
@@ -61,6 +63,8 @@ static bool carry(const proxy *p, int client, int server) {
             if (n <= 0) return false;
             buffer[n] = 0;
             if (i == 0 && p->before_tus && !strncmp(buffer, "POST /v1/uploads ", 17)) memcpy(buffer + 9, "nothing", 7);
+            if (i == 1 && lost) return true;
+            if (i == 0 && p->loses_answer && !strncmp(buffer, "POST /v1/jobs ", 14)) lost = true, p->loses_answer = false;
             bool cut = i == 1 && p->cuts && got + n >= p->down;
             if (cut) n = (ssize_t)(p->down - got);
             write_all(ends[1 - i].fd, buffer, n);
@@ -238,7 +242,7 @@ static void every_request_of_an_upload_is_tried_again(void **state) {
     proxy_start(&p);
     expect_submitted(submit(&p, large_file(4)));
     char *notes = proxy_notes(&p);
-    assert_string_equal(notes, "00113223"); /* after a PATCH that was cut off it is asked how far the upload is */
+    assert_string_equal(notes, "0011322355"); /* after a PATCH that was cut off it is asked how far the upload is */
     free(notes);
     assert_int_equal(logged("method=PUT"), puts);
 }
@@ -249,8 +253,21 @@ static void a_small_file_is_sent_again_and_not_before_the_daemon_wants_it(void *
     proxy_start(&p);
     expect_submitted(submit(&p, new_file(5, 4096)));
     char *notes = proxy_notes(&p);
-    assert_string_equal(notes, "0044");
+    assert_string_equal(notes, "004455");
     free(notes);
+}
+
+static void a_job_whose_answer_was_lost_is_one_job(void **state) {
+    (void)state;
+    proxy p = {.loses_answer = true};
+    size_t made = logged("event=job.accepted"), asked = logged("method=POST path=/v1/jobs ");
+    proxy_start(&p);
+    expect_submitted(submit(&p, new_file(7, 4096)));
+    char *notes = proxy_notes(&p);
+    assert_string_equal(notes, "x");
+    free(notes);
+    assert_int_equal(logged("method=POST path=/v1/jobs "), asked + 2);
+    assert_int_equal(logged("event=job.accepted"), made + 1);
 }
 
 static void a_daemon_that_wants_to_be_left_alone_for_long_is(void **state) {
@@ -355,6 +372,7 @@ int main(void) {
         cmocka_unit_test(a_daemon_that_takes_no_such_upload_gets_it_in_one),
         cmocka_unit_test(every_request_of_an_upload_is_tried_again),
         cmocka_unit_test(a_small_file_is_sent_again_and_not_before_the_daemon_wants_it),
+        cmocka_unit_test(a_job_whose_answer_was_lost_is_one_job),
         cmocka_unit_test(a_daemon_that_wants_to_be_left_alone_for_long_is),
         cmocka_unit_test(a_log_is_followed_past_every_break_without_loss_or_repetition),
         cmocka_unit_test(a_job_is_watched_past_every_break_to_its_end),
