@@ -404,27 +404,37 @@ static bw_status take_file(const char *path, const char *name, json_t *manifest,
     return status;
 }
 
-static int wanted(const struct dirent *e) { return strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0; }
+typedef char result_name[NAME_MOST + 1];
 
-static int by_name(const struct dirent **a, const struct dirent **b) { return strcmp((*a)->d_name, (*b)->d_name); }
+static int by_name(const void *a, const void *b) { return strcmp(a, b); }
+
+/* The names of what is in the folder; stops at the first that is none, and when there are too many, for a worker may have made millions. */
+static bw_status list_results(const char *path, result_name names[RESULTS_MOST], size_t *count) {
+    bw_status status = BW_OK;
+    DIR *folder = opendir(path);
+    if (!folder) return errno == EACCES ? BW_E_CHECK : BW_E_IO;
+    errno = 0;
+    for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
+        if (strcmp(e->d_name, ".") == 0 || strcmp(e->d_name, "..") == 0) continue;
+        if (*count == RESULTS_MOST || !plain_name(e->d_name)) status = BW_E_CHECK;
+        else snprintf(names[(*count)++], sizeof *names, "%.*s", NAME_MOST, e->d_name);
+    }
+    if (status == BW_OK && errno) status = BW_E_IO;
+    closedir(folder);
+    return status;
+}
 
 static bw_status take_folder(const char *path, json_t *manifest, uint64_t *total) {
-    bw_status status = BW_OK;
-    struct dirent **entries;
     char file[PATH_MAX + NAME_MOST + 2];
-    int n = scandir(path, &entries, wanted, by_name);
-    if (n < 0) return BW_E_IO;
-    if (n > RESULTS_MOST) status = BW_E_CHECK;
-    for (int i = 0; i < n; i++) {
-        const char *name = entries[i]->d_name;
-        if (status == BW_OK && !plain_name(name)) status = BW_E_CHECK;
-        if (status == BW_OK) {
-            snprintf(file, sizeof file, "%s/%.*s", path, NAME_MOST, name);
-            status = take_file(file, name, manifest, total);
-        }
-        free(entries[i]);
+    size_t count = 0;
+    result_name *names = calloc(RESULTS_MOST, sizeof *names);
+    bw_status status = names ? list_results(path, names, &count) : BW_E_MEMORY;
+    if (status == BW_OK) qsort(names, count, sizeof *names, by_name);
+    for (size_t i = 0; status == BW_OK && i < count; i++) {
+        snprintf(file, sizeof file, "%s/%s", path, names[i]);
+        status = take_file(file, names[i], manifest, total);
     }
-    free(entries);
+    free(names);
     return status == BW_OK ? bw_sync_path(path) : status;
 }
 

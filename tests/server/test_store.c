@@ -6,7 +6,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -121,6 +123,46 @@ static void outputs_that_are_something_else_are_refused(void **state) {
     assert_false(bw_store_has_cached(store, key));
 }
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+enum { SANITIZER = 1 }; /* its allocator takes memory as it likes */
+#else
+enum { SANITIZER = 0 };
+#endif
+
+static size_t data_bytes(void) {
+    unsigned long pages = 0;
+    FILE *f = fopen("/proc/self/statm", "r");
+    if (f && fscanf(f, "%*u %*u %*u %*u %*u %lu", &pages) != 1) pages = 0;
+    if (f) fclose(f);
+    return pages * (size_t)sysconf(_SC_PAGESIZE);
+}
+
+/* In a process of its own that gets 1 MB more than it has: the names alone are 3 MB. */
+static bw_status publish_with_little_memory(void) {
+    int status = -1;
+    pid_t pid = fork();
+    if (pid == 0) {
+        uint64_t bytes;
+        json_t *manifest;
+        struct rlimit most = {data_bytes() + (1 << 20), RLIM_INFINITY};
+        if (!SANITIZER && setrlimit(RLIMIT_DATA, &most) != 0) _exit(99);
+        _exit((int)bw_attempt_publish(store, "job", 1, key, &bytes, &manifest));
+    }
+    assert_true(pid > 0 && waitpid(pid, &status, 0) == pid && WIFEXITED(status));
+    return (bw_status)WEXITSTATUS(status);
+}
+
+static void more_results_than_any_stage_writes_are_refused_without_reading_all(void **state) {
+    (void)state;
+    json_t *manifest;
+    assert_int_equal(attempt("mkdir out && seq -f out/%04g 1000 | xargs touch", &manifest), BW_OK);
+    assert_int_equal(json_array_size(manifest), 1000);
+    json_decref(manifest);
+    assert_int_equal(attempt("mkdir out && seq -f out/%04g 1001 | xargs touch", &manifest), BW_E_CHECK);
+    shell("mkdir -p work/job.1/out && seq -f work/job.1/out/%0100.0f 20000 | xargs touch");
+    assert_int_equal(publish_with_little_memory(), BW_E_CHECK);
+}
+
 static bool nothing(void *user, const char *name) {
     (void)user, (void)name;
     return false;
@@ -148,6 +190,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(names_that_are_no_hashes_open_nothing, open_store, close_store),
         cmocka_unit_test_setup_teardown(outputs_are_taken_over_as_files_or_folders, open_store, close_store),
         cmocka_unit_test_setup_teardown(outputs_that_are_something_else_are_refused, open_store, close_store),
+        cmocka_unit_test_setup_teardown(more_results_than_any_stage_writes_are_refused_without_reading_all, open_store, close_store),
         cmocka_unit_test_setup_teardown(a_start_deletes_temporaries_and_a_sweep_what_has_no_row, open_store, close_store),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
