@@ -44,8 +44,19 @@ static void attempt_path(const bw_store *store, const char *job, int attempt, co
     snprintf(path, PATH_MAX, "%s/work/%s.%d%s", store->root, job, attempt, name);
 }
 
+/* DATA/<kind>/00 to ff, synced, though a daemon that was killed may have made them and not got so far. */
+static bw_status make_fan(const char *data, const char *kind) {
+    char path[PATH_MAX];
+    for (unsigned i = 0; i < 256; i++) {
+        snprintf(path, sizeof path, "%.3800s/%s/%02x", data, kind, i);
+        if (mkdir(path, 0700) != 0 && errno != EEXIST) return BW_E_IO;
+    }
+    snprintf(path, sizeof path, "%.3800s/%s", data, kind);
+    return bw_sync_path(path);
+}
+
 bw_status bw_store_open(const char *data, bw_store **out) {
-    static const char *const kept[] = {"blobs", "cache", "logs"}, *const emptied[] = {"tmp", "work"};
+    static const char *const kept[] = {"blobs", "cache", "logs"}, *const emptied[] = {"tmp", "work"}, *const fans[] = {"blobs", "cache"};
     bw_status status = BW_OK;
     char path[PATH_MAX];
     bw_store *store = calloc(1, sizeof *store);
@@ -60,6 +71,8 @@ bw_status bw_store_open(const char *data, bw_store **out) {
         snprintf(path, sizeof path, "%s/%s", data, kept[i]);
         status = bw_make_dir(path);
     }
+    if (status == BW_OK) status = bw_sync_path(data); /* as for the fans */
+    for (size_t i = 0; status == BW_OK && i < sizeof fans / sizeof *fans; i++) status = make_fan(data, fans[i]);
     if (status != BW_OK) {
         free(store);
         return status;
@@ -111,14 +124,13 @@ bw_status bw_upload_write(bw_upload *u, const void *data, size_t size) {
 
 uint64_t bw_upload_bytes(const bw_upload *u) { return u->bytes; }
 
-/* Makes DIR/ab, renames `from` to DIR/ab/<name>, syncs the folder; after a failure of the last step it may be called again. */
+/* Renames `from` to DIR/ab/<name>, syncs the folder; after a failure of the last step it may be called again. */
 static bw_status file_away(const char *from, const char *to) {
     char folder[PATH_MAX];
+    if (rename(from, to) != 0 && !(errno == ENOENT && access(to, F_OK) == 0)) return BW_E_IO;
     snprintf(folder, sizeof folder, "%s", to);
     *strrchr(folder, '/') = '\0';
-    bw_status status = bw_make_dir(folder);
-    if (status == BW_OK && rename(from, to) != 0 && !(errno == ENOENT && access(to, F_OK) == 0)) status = BW_E_IO;
-    return status == BW_OK ? bw_sync_path(folder) : status;
+    return bw_sync_path(folder);
 }
 
 bw_status bw_upload_finish(bw_upload *u, const char *sha256, bool *matches, char actual[BW_SHA256_TEXT]) {

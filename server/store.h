@@ -15,7 +15,9 @@
  *  1. A file appears under blobs/ or cache/ complete and synced, by one rename, or not at all.
  *  2. Only the daemon renames into blobs/ and cache/; workers know nothing but their attempt's own folder, so an
  *     attempt that was given up can spoil nothing.
- *  3. A cache entry counts only if the queue has a row for it (bw_queue_output); the rename comes before the row.
+ *  3. The 256 folders of blobs/ and of cache/ are durable before anything is filed into one: they are made and synced at start, so that
+ *     no rename waits for, or relies on, a folder that another thread is just making.
+ *  4. A cache entry counts only if the queue has a row for it (bw_queue_output); the rename comes before the row.
  */
 #ifndef BW_SERVER_STORE_H
 #define BW_SERVER_STORE_H

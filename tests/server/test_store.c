@@ -163,6 +163,18 @@ static void more_results_than_any_stage_writes_are_refused_without_reading_all(v
     assert_int_equal(publish_with_little_memory(), BW_E_CHECK);
 }
 
+/* Whoever files something finds its folder there, durably: it was synced when the store was opened, not by another who makes it just now. */
+static void folders_of_blobs_and_outputs_are_there_from_the_start(void **state) {
+    (void)state;
+    shell("test $(ls blobs | wc -l) = 256 && test $(ls cache | wc -l) = 256 && test -d blobs/00 && test -d cache/ff");
+    bw_store_close(store);
+    shell("rmdir blobs/e3 cache/00"); /* what a loss of power has taken */
+    assert_int_equal(bw_store_open(folder, &store), BW_OK);
+    shell("test -d blobs/e3 && test -d cache/00");
+    char actual[BW_SHA256_TEXT];
+    assert_true(upload("", empty_hash, actual));
+}
+
 static bool nothing(void *user, const char *name) {
     (void)user, (void)name;
     return false;
@@ -191,6 +203,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(outputs_are_taken_over_as_files_or_folders, open_store, close_store),
         cmocka_unit_test_setup_teardown(outputs_that_are_something_else_are_refused, open_store, close_store),
         cmocka_unit_test_setup_teardown(more_results_than_any_stage_writes_are_refused_without_reading_all, open_store, close_store),
+        cmocka_unit_test_setup_teardown(folders_of_blobs_and_outputs_are_there_from_the_start, open_store, close_store),
         cmocka_unit_test_setup_teardown(a_start_deletes_temporaries_and_a_sweep_what_has_no_row, open_store, close_store),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
