@@ -16,6 +16,7 @@
 #include <string.h>
 #include <sys/eventfd.h>
 #include <sys/signalfd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "server/access.h"
@@ -341,6 +342,7 @@ static int unknown_command(const char *word) {
 }
 
 int main(int argc, char **argv) {
+    umask(077); /* a data folder that was there may be open to others: what is in it is not */
     if (argc < 2 || *argv[1] == '-') return serve_command(argc, argv);
     for (int i = 0; i < COMMANDS; i++)
         if (strcmp(argv[1], commands[i].name) == 0) return commands[i].run(argc - 1, argv + 1);

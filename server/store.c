@@ -383,8 +383,7 @@ bw_status bw_attempt_begin(bw_store *store, const char *job, int attempt, int *f
 }
 
 static const char *media_type(const char *name) {
-    static const char *const types[][2] = {{".json", "application/json"}, {".html", "text/html; charset=utf-8"},
-                                           {".txt", "text/plain; charset=utf-8"}, {".drc", "application/octet-stream"},
+    static const char *const types[][2] = {{".json", "application/json"}, {".txt", "text/plain; charset=utf-8"}, {".drc", "application/octet-stream"},
                                            {".mesh", "text/plain; charset=utf-8"},
                                            {".vtk", "text/plain; charset=utf-8"}, {".msh", "text/plain; charset=utf-8"},
                                            {".ovm", "text/plain; charset=utf-8"}, {".inp", "text/plain; charset=utf-8"},

@@ -83,7 +83,17 @@ static void finished(bw_request *r) {
     else bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s", (unsigned long long)f.bytes, f.actual);
 }
 
+/* Of a coded body the size is known only now. What its owner has already counts once. */
+static bool unpacked_fits(bw_request *r) {
+    uint64_t bytes;
+    bool fresh;
+    int fd = r->unpacker ? bw_http_open_blob(r, r->parameters[0], &bytes, &fresh) : -1;
+    if (fd >= 0) close(fd);
+    return !r->unpacker || fd >= 0 || bw_http_blob_fits(r, bw_upload_bytes(r->upload));
+}
+
 void bw_http_blob_put(bw_request *r) {
+    if (!unpacked_fits(r)) return;
     finishing *f = calloc(1, sizeof *f);
     if (!f) {
         bw_reply_json(r, 500, NULL);

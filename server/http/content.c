@@ -261,7 +261,7 @@ void bw_reply_content(bw_request *r, unsigned status, const bw_content *c) {
         return;
     }
     select_part(r, status, c, &s, &range);
-    unsigned verdict = status == 200 ? check_conditions(r, c, s.etag) : 200;
+    unsigned verdict = status == 200 && r->reads ? check_conditions(r, c, s.etag) : 200;
     if (verdict != 200 || range == RANGE_OUTSIDE) drop(c);
     if (verdict == 412) {
         bw_reply_problem(r, BW_PROBLEM_PRECONDITION_FAILED, "it is not the one that you know");

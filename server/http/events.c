@@ -106,9 +106,15 @@ static bool all_seen(bw_request *r, const bw_job *job, int64_t seen) {
 }
 
 void bw_http_job_events(bw_request *r) {
-    int64_t seen;
+    int64_t seen, newest;
     bw_job job;
-    if (!bw_stream_position(r, 0, &seen) || !bw_http_load_job(r, &job)) return;
+    if (!bw_stream_position(r, 0, &seen)) return;
+    if (bw_queue_journal_end(r->services->queue, &newest) != BW_OK) {
+        bw_reply_storage(r);
+        return;
+    }
+    if (seen > newest) seen = 0; /* numbers of another daemon, or of before a restore: all of it again */
+    if (!bw_http_load_job(r, &job)) return;
     bool done = all_seen(r, &job, seen);
     job_events *e = done ? NULL : calloc(1, sizeof *e);
     if (e) {
@@ -159,6 +165,7 @@ void bw_http_event_list(bw_request *r) {
         return;
     }
     if (!bw_stream_position(r, newest, &seen)) return;
+    if (seen > newest) seen = newest; /* numbers of another daemon, or of before a restore */
     all_events *e = calloc(1, sizeof *e);
     if (!e) {
         bw_reply_json(r, 500, NULL);

@@ -64,9 +64,16 @@ void bw_reply_header(bw_request *r, const char *name, const char *value) {
     if (r->reply) MHD_add_response_header(r->reply, name, value);
 }
 
+/* Answers are for who asked, with that token, at that time. */
+static void add_caching(bw_request *r) {
+    if (MHD_get_response_header(r->reply, "Cache-Control")) return;
+    bw_reply_header(r, "Cache-Control", MHD_get_response_header(r->reply, "ETag") ? "private, no-cache" : "no-store");
+}
+
 enum MHD_Result bw_reply_send(bw_request *r) {
     if (!r->reply) bw_reply_problem(r, BW_PROBLEM_INTERNAL, "the request was not answered");
     if (!r->reply) return MHD_NO;
+    add_caching(r);
     if (r->sized) bw_guard_answer(r->guarded, r->reply_bytes);
     return MHD_queue_response(r->connection, r->reply_status, r->reply);
 }

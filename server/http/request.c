@@ -141,10 +141,20 @@ static void check_framing(bw_request *r, bool old) {
     }
 }
 
+/* What changes something would have to compare tags with those of an answer that it has not made: it is done only if any tag will do
+ * (RFC 9110, 13.1.1). If-None-Match is for reading. */
+static bool check_match(bw_request *r) {
+    const char *match = r->reads ? NULL : bw_request_header(r, "If-Match");
+    if (!match || strcmp(match, "*") == 0) return true;
+    bw_reply_problem(r, BW_PROBLEM_PRECONDITION_FAILED, "If-Match can be asked of GET and HEAD only; nothing was done");
+    return false;
+}
+
 static void begin(bw_request *r, const char *method, const char *version, const char *path) {
     r->head = strcmp(method, "HEAD") == 0;
+    r->reads = r->head || strcmp(method, "GET") == 0;
     check_framing(r, strcmp(version, "HTTP/1.0") == 0);
-    if (r->reply || !bw_route_find(r, method, path) || !bw_http_check_access(r)) return;
+    if (r->reply || !bw_route_find(r, method, path) || !bw_http_check_access(r) || !check_match(r)) return;
     if (bw_routes[r->op].begin) bw_routes[r->op].begin(r);
     else if (r->has_length && r->length > BW_BODY_MOST)
         bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %d bytes", BW_BODY_MOST);
@@ -252,6 +262,7 @@ enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection
         return MHD_YES;
     }
     if (*size) {
+        if (!r->has_length) bw_guard_body(r->guarded, BW_BODY_MOST); /* of unknown length: anew with each piece; take_body asks for a least rate */
         bool good = take_body(r, data, *size);
         *size = 0;
         return good ? MHD_YES : MHD_NO;

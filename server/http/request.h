@@ -54,7 +54,7 @@ typedef struct bw_request {
     bw_op op;
     bw_caller caller; /* who asks; set before anything of the operation */
     char parameters[2][BW_PARAMETER_MOST]; /* the variable segments of the path, in order */
-    bool head;                             /* HEAD: the same as GET, without the content */
+    bool head, reads;                      /* HEAD: the same as GET, without the content; one of the two */
     bool has_length, unclear;              /* unclear: where the body ends */
     uint64_t length;                       /* Content-Length */
     uint64_t received;                     /* of the body, as it came */

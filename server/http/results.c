@@ -51,6 +51,7 @@ static void send_result(bw_request *r, const char *name) {
         else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .modified = job.finished,
                                                     .media_type = json_string_value(json_object_get(hit, "media_type")),
                                                     .sha256 = json_string_value(json_object_get(hit, "sha256"))});
+        bw_reply_header(r, "Content-Security-Policy", "sandbox; default-src 'none'; style-src 'unsafe-inline'"); /* an SVG may have scripts */
     }
     json_decref(manifest);
     bw_job_clear(&job);

@@ -20,7 +20,7 @@
 #include "server/partial.h"
 
 #define VERSION "1.0.0"
-enum { METADATA_MOST = 4096, VALUE_MOST = 1024 };
+enum { METADATA_MOST = 4096, VALUE_MOST = METADATA_MOST };
 static const char media_type[] = "application/offset+octet-stream";
 
 typedef struct {
@@ -103,6 +103,13 @@ static int read_base64(const char *text, size_t size, unsigned char *out, size_t
     return n;
 }
 
+/* A key of metadata: visible ASCII. */
+static bool is_key(const char *text, size_t size) {
+    for (size_t i = 0; i < size; i++)
+        if (text[i] <= 0x20 || text[i] >= 0x7f) return false;
+    return size > 0;
+}
+
 /* Upload-Metadata: "KEY BASE64,KEY BASE64,KEY". The value of the key sha256 is the hash that is expected. False: it is not of that form. */
 static bool read_metadata(const char *text, char expected[BW_SHA256_TEXT]) {
     unsigned char value[VALUE_MOST];
@@ -112,8 +119,8 @@ static bool read_metadata(const char *text, char expected[BW_SHA256_TEXT]) {
         size_t key = strcspn(text, " ,"), size = 0;
         const char *start = text + key;
         if (*start == ' ') start++, size = strcspn(start, ",");
-        int n = read_base64(start, size < VALUE_MOST ? size : 0, value, sizeof value);
-        if (!key || n < 0) return false;
+        int n = read_base64(start, size, value, sizeof value);
+        if (!is_key(text, key) || n < 0) return false;
         if (key == 6 && memcmp(text, "sha256", 6) == 0) {
             if (n != 64) return false;
             memcpy(expected, value, 64);

@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "daemon_kit.h"
 #include "server/http/coding.h"
@@ -43,6 +44,39 @@ static int stop(void **state) {
     free(text);
     kit_remove(&d);
     return 0;
+}
+
+/* A condition is judged before anything is done, or not at all. */
+static void conditions_do_not_meet_what_changes_something(void **state) {
+    (void)state;
+    char job[40], pin[60];
+    snprintf(job, sizeof job, "%.*s", (int)strlen("/v1/jobs/") + 24, data_path);
+    snprintf(pin, sizeof pin, "%s/pin", job);
+    for (int done = 0; done < 2; done++) {
+        if (!done) kit_expect_problem(kit_request(&d, "PUT", pin, "If-Match: \"x\"", NULL, 0), 412, "precondition-failed");
+        kit_reply r = kit_get(&d, "%s", job);
+        json_t *now = kit_json(&r);
+        assert_true(done == json_is_true(json_object_get(now, "pinned")));
+        json_decref(now);
+        r = kit_request(&d, done ? "DELETE" : "PUT", pin, done ? "If-None-Match: *" : "If-Match: *", NULL, 0);
+        assert_true(r.status == 200 || r.status == 204);
+        kit_free(&r);
+    }
+}
+
+/* Nothing that a token opened is to stay where another may find it; a result has no say on the daemon's page. */
+static void answers_are_not_kept_by_others(void **state) {
+    (void)state;
+    kit_reply r = kit_get(&d, "/v1/jobs");
+    assert_string_equal(kit_header(&r, "Cache-Control"), "no-store");
+    kit_free(&r);
+    r = kit_get(&d, "/v1/jobs/x");
+    assert_string_equal(kit_header(&r, "Cache-Control"), "no-store");
+    kit_free(&r);
+    r = kit_get(&d, "%s", text_path);
+    assert_string_equal(kit_header(&r, "Cache-Control"), "private, no-cache");
+    assert_int_equal(strncmp(kit_header(&r, "Content-Security-Policy"), "sandbox;", 8), 0);
+    kit_free(&r);
 }
 
 static kit_reply get(const char *path, const char *headers) { return kit_request(&d, "GET", path, headers, NULL, 0); }
@@ -272,6 +306,30 @@ static void an_upload_may_be_coded_and_is_known_by_its_content(void **state) {
     }
 }
 
+/* How large a coded body is is known when it is there. */
+static void a_coded_upload_counts_by_its_content(void **state) {
+    (void)state;
+    kit_daemon other = d;
+    static char content[5000];
+    char path[100], file[300];
+    kit_start(&d, NULL, (const char *const[]){"--owner-bytes", "1000", NULL});
+    for (int c = BW_CODING_GZIP; c < BW_CODING_COUNT; c++) {
+        buffer body = packed((bw_coding)c, content, sizeof content);
+        assert_true(body.size < 1000);
+        kit_expect_problem(put(content, sizeof content, bw_coding_names[c], body, path), 429, "too-many-bytes");
+        snprintf(file, sizeof file, "%s/blobs/%.2s%s", d.data, strrchr(path, '/') + 1, strrchr(path, '/'));
+        assert_int_not_equal(access(file, F_OK), 0);
+        free(body.bytes);
+        body = packed((bw_coding)c, content, 900); /* the second time it is there already */
+        kit_reply r = put(content, 900, bw_coding_names[c], body, path);
+        assert_true(r.status == 200 || r.status == 201);
+        kit_free(&r);
+        free(body.bytes);
+    }
+    kit_remove(&d);
+    d = other;
+}
+
 static void a_coded_upload_that_is_damaged_or_ends_early_is_refused(void **state) {
     (void)state;
     for (int c = BW_CODING_GZIP; c < BW_CODING_COUNT; c++) {
@@ -355,6 +413,9 @@ int main(void) {
         cmocka_unit_test(documents_and_pages_are_coded_too),
         cmocka_unit_test(the_digest_is_that_of_the_content),
         cmocka_unit_test(an_upload_may_be_coded_and_is_known_by_its_content),
+        cmocka_unit_test(conditions_do_not_meet_what_changes_something),
+        cmocka_unit_test(answers_are_not_kept_by_others),
+        cmocka_unit_test(a_coded_upload_counts_by_its_content),
         cmocka_unit_test(a_coded_upload_that_is_damaged_or_ends_early_is_refused),
         cmocka_unit_test(a_coding_that_is_not_known_is_415),
         cmocka_unit_test(a_bomb_is_refused_by_what_it_would_be),

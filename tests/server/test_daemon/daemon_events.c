@@ -212,6 +212,11 @@ static void whoever_has_seen_the_end_gets_204(void **state) {
     kit_reply r = kit_request(&d, "GET", path_of(id, "events"), headers, NULL, 0);
     assert_int_equal(r.status, 204);
     kit_free(&r);
+    snprintf(headers, sizeof headers, "Last-Event-ID: %lld", journal.list[journal.count - 1].id + 1000000); /* of another daemon */
+    r = kit_request(&d, "GET", path_of(id, "events"), headers, NULL, 0);
+    assert_int_equal(r.status, 200);
+    assert_non_null(strstr(r.body, "event: end"));
+    kit_free(&r);
     snprintf(headers, sizeof headers, "events?after=%lld", journal.list[journal.count - 1].id);
     r = kit_get(&d, "%s", path_of(id, headers));
     assert_int_equal(r.status, 204);

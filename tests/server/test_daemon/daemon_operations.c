@@ -2,6 +2,7 @@
 #include "daemon_kit.h"
 
 #include <errno.h>
+#include <ftw.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -281,11 +282,34 @@ static void every_line_of_a_json_log_is_an_object(void **state) {
     free(text);
 }
 
+static int modes_seen;
+
+static int no_mode_for_others(const char *path, const struct stat *st, int kind, struct FTW *at) {
+    (void)kind;
+    if (at->level && !S_ISSOCK(st->st_mode)) modes_seen++;
+    if (at->level && st->st_mode & 077) fail_msg("%s has mode %o", path, (unsigned)(st->st_mode & 0777));
+    return 0;
+}
+
+static void what_is_in_an_open_folder_is_not_open(void **state) {
+    (void)state;
+    char id[32];
+    mode_t before = umask(022);
+    start_with("");
+    umask(before);
+    kit_submit(&d, "# private\n", NULL, id);
+    json_decref(kit_wait(&d, id, 30));
+    assert_int_equal(chmod(d.data, 0755), 0);
+    assert_int_equal(nftw(d.data, no_mode_for_others, 16, FTW_PHYS), 0);
+    assert_true(modes_seen > 10);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(sighup_takes_over_what_can_be_and_says_what_cannot, remove_daemon),
         cmocka_unit_test_teardown(a_mistake_in_the_file_at_sighup_changes_nothing, remove_daemon),
         cmocka_unit_test_teardown(a_draining_daemon_ends_what_runs_begins_nothing_and_is_not_ready, remove_daemon),
+        cmocka_unit_test_teardown(what_is_in_an_open_folder_is_not_open, remove_daemon),
         cmocka_unit_test_teardown(a_second_sigterm_ends_the_grace, remove_daemon),
         cmocka_unit_test_teardown(without_a_grace_a_running_stage_is_given_back_at_once, remove_daemon),
         cmocka_unit_test_teardown(systemd_is_told_of_start_reload_and_end, remove_daemon),

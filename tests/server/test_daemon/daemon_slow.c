@@ -84,6 +84,20 @@ static void a_slow_body_is_cut_off_and_leaves_nothing(void **state) {
     assert_true(kit_no_uploads(&d, PATIENCE_MS));
 }
 
+/* Of a body in chunks nobody knows the length: it may take what its bytes take at the least rate, however many they are. */
+static void a_body_in_chunks_may_take_its_time(void **state) {
+    (void)state;
+    static const char head[] = "POST /v1/uploads HTTP/1.1\r\nHost: x\r\nTus-Resumable: 1.0.0\r\nUpload-Length: 1000000\r\n"
+                               "Content-Type: application/offset+octet-stream\r\nTransfer-Encoding: chunked\r\n\r\n";
+    char chunk[2 + 3 + 0x800 + 3];
+    int n = snprintf(chunk, sizeof chunk, "800\r\n"), fd = kit_connect(&d, head, sizeof head - 1);
+    memset(chunk + n, 'a', 0x800);
+    memcpy(chunk + n + 0x800, "\r\n", 2);
+    for (int ms = 0; ms < 20000; ms += 200, kit_sleep_ms(200)) /* 10 KiB/s, beyond 1 s and 64 KiB at 4 KiB/s */
+        if (send(fd, chunk, (size_t)n + 0x800 + 2, MSG_NOSIGNAL) < 0 || is_cut(fd)) fail_msg("cut off after %d ms", ms);
+    close(fd);
+}
+
 /* The library alone would sometimes not notice before it has been idle for 30 s. */
 static void a_client_that_goes_away_in_its_body_is_noticed(void **state) {
     (void)state;
@@ -124,6 +138,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slow_headers_are_cut_off_and_others_are_served),
         cmocka_unit_test(a_slow_body_is_cut_off_and_leaves_nothing),
+        cmocka_unit_test(a_body_in_chunks_may_take_its_time),
         cmocka_unit_test(a_client_that_goes_away_in_its_body_is_noticed),
         cmocka_unit_test(connections_from_one_address_are_limited),
     };

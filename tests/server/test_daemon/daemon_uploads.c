@@ -389,6 +389,17 @@ static void there_is_a_limit_to_their_number(void **state) {
     kit_expect_problem(r, 429, "too-many-uploads");
 }
 
+static void metadata_that_is_none_is_refused(void **state) {
+    (void)state;
+    char headers[1400], letters[1201] = "";
+    const char *const wrong[] = {"\xff YQ==", "name \xff\xff\xff\xff", letters};
+    for (int i = 0; i < 1200; i++) letters[i] = i == 4 ? ' ' : i < 4 ? 'k' : '!';
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        snprintf(headers, sizeof headers, TUS "Upload-Length: 1\nUpload-Metadata: %s", wrong[i]);
+        kit_expect_problem(post(headers, NULL, 0), 400, "bad-request");
+    }
+}
+
 static int sidecars(void) {
     char folder[200];
     int n = 0;
@@ -515,6 +526,7 @@ int main(void) {
         cmocka_unit_test(bytes_that_were_not_told_to_be_durable_are_sent_again),
         cmocka_unit_test(two_do_not_write_at_the_same_time),
         cmocka_unit_test(an_upload_that_is_given_up_is_gone_but_not_its_blob),
+        cmocka_unit_test(metadata_that_is_none_is_refused),
         cmocka_unit_test(there_is_a_limit_to_their_number),
         cmocka_unit_test(what_nobody_goes_on_with_expires),
         cmocka_unit_test(those_that_are_complete_are_not_under_way),
