@@ -54,7 +54,7 @@ int bw_store_open_blob(const bw_store *store, const char *sha256, uint64_t *byte
 /* A descriptor of the cached state file, or of result file `name` in the cached folder (NULL: the file itself). -1: none. */
 int bw_store_open_cached(const bw_store *store, const char *key, const char *name, uint64_t *bytes);
 bool bw_store_has_cached(const bw_store *store, const char *key);
-bw_status bw_store_drop_cached(bw_store *store, const char *key);
+bw_status bw_store_drop_cached(bw_store *store, const char *key); /* one without a row: nobody reads it */
 bool bw_store_has_blob(const bw_store *store, const char *sha256);
 /* Takes the entry out of its place at once, by a rename, and deletes it in the next bw_store_empty_discarded (or at the next start). */
 void bw_store_discard_cached(bw_store *store, const char *key);

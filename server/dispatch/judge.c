@@ -78,6 +78,12 @@ static const char *told_kind(const bw_slot *s) {
     return !kind ? NULL : strcmp(kind, "tet") == 0 ? "tet" : strcmp(kind, "hex") == 0 ? "hex" : NULL;
 }
 
+/* An output that was filed and not booked goes again, unless another job has made the same and booked it. Only this thread files and books outputs. */
+static void withdraw(bw_dispatch *d, const char *key) {
+    bool booked = true;
+    if (bw_queue_output(d->queue, key, &booked, NULL) == BW_OK && !booked) bw_store_drop_cached(d->store, key);
+}
+
 /* The worker says it is done: files its output and books the stage. Frees the slot. */
 static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     bw_made made = {.key = s->key, .need = told_need(s), .kind = told_kind(s), .cut = json_is_true(json_object_get(s->session.result, "cut"))};
@@ -88,6 +94,7 @@ static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     if (status == BW_OK && (manifest != NULL) != (s->job.stage == BW_API_STAGE_COUNT - 1)) status = BW_E_CHECK;
     if (status != BW_OK) {
         json_decref(manifest);
+        withdraw(d, s->key);
         return bw_slot_give_up(d, s, status == BW_E_CHECK ? BW_PROBLEM_WORKER_PROTOCOL : BW_PROBLEM_IO,
                        status == BW_E_CHECK ? "the output is not what the stage has to write" : "cannot keep the output",
                        NULL, NULL);
@@ -97,6 +104,7 @@ static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     made.manifest = text;
     status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &made, bw_now_ms(), &s->spent, &done);
     free(text);
+    if (status == BW_OK && !done) withdraw(d, s->key);
     if (status == BW_OK && !done) status = dismiss(d, s); /* as above */
     else tell_end(d, s, "ok", done);
     if (done && last) bw_event(BW_INFO, "job.successful", "job=%s", s->job.id);

@@ -17,6 +17,7 @@
  *     fill BYTES      write a file of this size
  *     garbage         send bytes that are no frame
  *     nothing         say ok without writing the output
+ *     folder          write the output as an empty folder
  *     link            write the output as a symbolic link
  *     flaky N         raise SIGKILL unless this is attempt N or later (of the job)
  *     unconfined      enter no sandbox, and say so
@@ -238,6 +239,7 @@ static void obey(const char *verb, const char *argument) {
     else if (!strcmp(verb, "fill")) fill(number);
     else if (!strcmp(verb, "garbage")) write(BW_WORKER_CHANNEL, "no frame at all", 15) < 0 ? exit(5) : pause();
     else if (!strcmp(verb, "nothing")) finish("ok");
+    else if (!strcmp(verb, "folder")) mkdir("out", 0700) < 0 ? exit(5) : finish("ok");
     else if (!strcmp(verb, "link")) symlink("/etc/passwd", "out") < 0 ? exit(5) : finish("ok");
     else if (!strcmp(verb, "need")) need = (uint64_t)number;
     else if (!strcmp(verb, "kind")) tell_kind(argument);

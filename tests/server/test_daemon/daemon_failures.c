@@ -1,5 +1,7 @@
 /* How jobs end when they do not end well: each kind of end has its class, and only the system's own failures are retried. */
+#include <dirent.h>
 #include <signal.h>
+#include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -162,6 +164,61 @@ static void a_queued_job_is_dismissed_at_once_and_never_runs(void **state) {
     json_decref(job);
 }
 
+/* Entries of DATA/cache/xx/. */
+static size_t cached(void) {
+    size_t count = 0;
+    for (int i = 0; i < 256; i++) {
+        char path[100];
+        snprintf(path, sizeof path, "%s/cache/%02x", d.data, i);
+        DIR *folder = opendir(path);
+        for (struct dirent *e; folder && (e = readdir(folder));) count += *e->d_name != '.';
+        if (folder) closedir(folder);
+    }
+    return count;
+}
+
+static sqlite3 *lock_database(void) {
+    char path[100];
+    sqlite3 *db = NULL;
+    snprintf(path, sizeof path, "%s/jobs.db", d.data);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    sqlite3_busy_timeout(db, 5000);
+    assert_int_equal(sqlite3_exec(db, "BEGIN IMMEDIATE", NULL, NULL, NULL), SQLITE_OK);
+    return db;
+}
+
+/* The database is held while the cancel is asked for, until the output has been filed: the cancel is written first, then the end of the
+ * stage is refused. */
+static void an_output_that_is_filed_and_then_not_booked_goes_again(void **state) {
+    (void)state;
+    char id[32], ask[200];
+    size_t before = cached();
+    kit_submit(&d, "sanitize sleep 800\n# filed, not booked\n", NULL, id);
+    kit_wait_state(&d, id, "running", 10);
+    kit_sleep_ms(200);
+    sqlite3 *db = lock_database();
+    int n = snprintf(ask, sizeof ask, "POST /v1/jobs/%s/cancel HTTP/1.1\r\nHost: %s\r\nContent-Length: 0\r\n\r\n", id, d.address);
+    int connection = kit_connect(&d, ask, (size_t)n);
+    for (int i = 0; i < 1000 && cached() == before; i++) kit_sleep_ms(5);
+    assert_int_equal(cached(), before + 1);
+    kit_sleep_ms(100);
+    assert_int_equal(sqlite3_exec(db, "COMMIT", NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+    json_t *job = kit_wait(&d, id, 20);
+    assert_string_equal(kit_text(job, "state"), "dismissed");
+    assert_int_equal(cached(), before);
+    json_decref(job);
+    close(connection);
+}
+
+/* What is filed before it is found to be of the wrong kind. */
+static void an_output_of_the_wrong_kind_goes_again(void **state) {
+    (void)state;
+    size_t before = cached();
+    expect_failure("sanitize folder\n", "sanitize", "worker-protocol", "system", 3);
+    assert_int_equal(cached(), before);
+}
+
 static void no_worker_or_folder_of_an_attempt_stays_behind(void **state) {
     (void)state;
     pid_t pids[8];
@@ -180,6 +237,8 @@ int main(void) {
         cmocka_unit_test(limits_end_a_stage_as_limit_failures),
         cmocka_unit_test(a_running_job_is_cancelled_and_may_be_cancelled_again),
         cmocka_unit_test(a_queued_job_is_dismissed_at_once_and_never_runs),
+        cmocka_unit_test(an_output_that_is_filed_and_then_not_booked_goes_again),
+        cmocka_unit_test(an_output_of_the_wrong_kind_goes_again),
         cmocka_unit_test(no_worker_or_folder_of_an_attempt_stays_behind),
     };
     return cmocka_run_group_tests(tests, start, stop);
