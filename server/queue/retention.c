@@ -79,7 +79,7 @@ static bw_status drop_aged(bw_writer *w, bw_collect *c) {
 typedef struct {
     char name[BW_SHA256_TEXT], owner[BW_OWNER_TEXT];
     int64_t at, bytes;
-    bool held, shared; /* shared: another owner has the blob too, and keeps it or comes later */
+    bool held, shared; /* shared: another owner has the blob too, and would keep it or come later in a dry run */
 } candidate;
 
 static sqlite3_stmt *select_candidates(bw_sql *sql, const bw_collect *c) {
@@ -117,14 +117,17 @@ static bw_status find_candidates(bw_sql *sql, const bw_collect *c, candidate fou
 /* `w` is NULL in a dry run. */
 static bw_status drop_candidate(bw_writer *w, bw_collect *c, const candidate *x) {
     bool output = c->kind == BW_KEEP_OUTPUTS;
+    int64_t shared = x->shared;
     bw_status status = BW_OK;
     if (w)
         status = output ? bw_sql_run(&w->sql, NULL, "DELETE FROM outputs WHERE key = ?", "s", x->name)
                         : bw_sql_run(&w->sql, NULL, "DELETE FROM blobs WHERE sha256 = ? AND owner = ?", "ss", x->name, x->owner);
+    if (w && !output && status == BW_OK) /* the rows decide: a job that held one of them when it was passed may have gone since */
+        status = bw_sql_number(&w->sql, &shared, 0, "SELECT 1 FROM blobs WHERE sha256 = ? LIMIT 1", "s", x->name);
     if (status != BW_OK) return status;
-    if (w && c->take && !x->shared) c->take(c->user, c->kind, x->name);
-    c->count += output || !x->shared;
-    c->bytes += x->shared ? 0 : x->bytes;
+    if (w && c->take && !shared) c->take(c->user, c->kind, x->name);
+    c->count += output || !shared;
+    c->bytes += shared ? 0 : x->bytes;
     c->total -= x->bytes;
     return BW_OK;
 }

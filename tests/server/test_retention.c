@@ -329,6 +329,50 @@ static void an_expired_job_leaves_its_id_for_a_while_and_nothing_else(void **sta
     bw_job_clear(&job);
 }
 
+static void count_taken(void *user, bw_keep_kind kind, const char *name) {
+    char shared[BW_SHA256_TEXT];
+    (void)kind;
+    name_of(0, shared);
+    *(int *)user += strcmp(name, shared) == 0;
+}
+
+/* Between two steps of a collection jobs come and go. */
+static void a_blob_stays_while_anyone_has_a_row_of_it(void **state) {
+    (void)state;
+    char name[BW_SHA256_TEXT];
+    bw_job job;
+    bool owns;
+    int64_t used;
+    int taken = 0;
+    make_job(&job, "a", 1, "{}", NULL);
+    name_of(0, job.input);
+    job.created = 1000;
+    bw_submit s = {.jobs = &job, .count = 1};
+    assert_int_equal(bw_queue_write(q, bw_write_submit, &s), BW_OK);
+    for (int i = 1; i <= BW_COLLECT_ROWS; i++) {
+        bw_new_blob b = {.owner = "b", .sha256 = name, .bytes = 1, .now = 1000 + i};
+        name_of(i % BW_COLLECT_ROWS, name); /* the last of b's is a's, too */
+        assert_int_equal(bw_queue_write(q, bw_write_blob, &b), BW_OK);
+    }
+    bw_policy p = {.now = 3000, .blobs_before = 2000};
+    bw_collect c = {.kind = BW_KEEP_BLOBS, .policy = &p, .take = count_taken, .user = &taken};
+    assert_int_equal(bw_queue_collect(q, &c), BW_OK); /* a's is held */
+    assert_true(c.more);
+    bw_change cancel = {.id = job.id, .now = 2500}, gone = {.id = job.id, .now = 2600};
+    assert_int_equal(bw_queue_write(q, bw_write_cancel, &cancel), BW_OK);
+    assert_int_equal(bw_queue_write(q, bw_write_delete, &gone), BW_OK);
+    assert_int_equal(bw_queue_collect(q, &c), BW_OK);
+    assert_int_equal(bw_queue_owns_blob(q, "b", job.input, &owns, &used), BW_OK);
+    assert_false(owns);
+    assert_int_equal(bw_queue_owns_blob(q, "a", job.input, &owns, &used), BW_OK);
+    assert_true(owns);
+    assert_int_equal(taken, 0);
+    c = (bw_collect){.kind = BW_KEEP_BLOBS, .policy = &p, .take = count_taken, .user = &taken};
+    assert_int_equal(bw_queue_collect(q, &c), BW_OK);
+    assert_int_equal(taken, 1);
+    bw_job_clear(&job);
+}
+
 static void many_go_in_small_steps(void **state) {
     (void)state;
     enum { MANY = 100 };
@@ -458,6 +502,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(nothing_in_use_goes_and_nothing_stays_that_is_to_go, open_all, close_all),
         cmocka_unit_test_setup_teardown(an_expired_job_leaves_its_id_for_a_while_and_nothing_else, open_all, close_all),
+        cmocka_unit_test_setup_teardown(a_blob_stays_while_anyone_has_a_row_of_it, open_all, close_all),
         cmocka_unit_test_setup_teardown(many_go_in_small_steps, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_job_that_was_accepted_has_its_blob_whatever_is_collected, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_start_puts_rows_and_files_in_pairs_and_fails_what_cannot_be, open_all, close_all),
