@@ -75,7 +75,7 @@ static void note_waiter(bw_dispatch *d, const bw_job *job, uint64_t need) {
     }
     if (w) w->seen = true;
     pthread_mutex_unlock(&d->lock);
-    if (!known)
+    if (w && !known)
         bw_event(BW_INFO, "job.waits", "job=%s for=memory need=%" PRIu64 " taken=%" PRIu64 " memory=%" PRIu64, job->id, need,
                  d->admission.taken, d->admission.memory);
 }
