@@ -137,7 +137,9 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job, bool *taken) {
         if (status != BW_OK || (!cached && !s)) break;
         if (!cached && !has_input(d, job, options)) {
             status = bw_queue_rewind(d->queue, job, bw_now_ms(), &done);
+            if (status != BW_OK || !done) continue;
             bw_event(BW_WARN, "job.rewound", "job=%s", job->id);
+            bw_watch_notify(d->watch, job->id);
             continue;
         }
         if (!cached) {

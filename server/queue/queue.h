@@ -198,7 +198,8 @@ typedef struct {
     int64_t last; /* result: number of the last one looked at; `after` if there was none */
     int looked;   /* how many */
 } bw_journal;
-/* `kind` is queued, started, reused, done, retrying, interrupted, cancelling, finishing, restarted or a final state; `data` a JSON object
+/* `kind` is queued, started, reused, done, retrying, interrupted, cancelling, finishing, restarted,
+ * rewound or a final state; `data` a JSON object
  * with state, stage (the next, or the last), stages_done, stage_count, attempt and perhaps outcome. Must not use the queue. */
 typedef void (*bw_journal_fn)(void *user, int64_t seq, const char *job, const char *kind, const char *data, int64_t at);
 bw_status bw_queue_journal(bw_queue *queue, bw_journal *which, bw_journal_fn fn, void *user);
