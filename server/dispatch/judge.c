@@ -92,15 +92,15 @@ static bw_status succeed(bw_dispatch *d, bw_slot *s) {
     bw_status status = made.cut && !claim_output(s) ? BW_E_MEMORY : BW_OK;
     if (status == BW_OK) status = bw_attempt_publish(d->store, s->job.id, s->job.attempt, s->key, &made.bytes, &manifest);
     if (status == BW_OK && (manifest != NULL) != (s->job.stage == BW_API_STAGE_COUNT - 1)) status = BW_E_CHECK;
+    char *text = status == BW_OK && manifest ? json_dumps(manifest, JSON_COMPACT) : NULL;
+    if (status == BW_OK && manifest && !text) status = BW_E_MEMORY; /* without it the job would be successful and have no results */
+    json_decref(manifest);
     if (status != BW_OK) {
-        json_decref(manifest);
         withdraw(d, s->key);
         return bw_slot_give_up(d, s, status == BW_E_CHECK ? BW_PROBLEM_WORKER_PROTOCOL : BW_PROBLEM_IO,
                        status == BW_E_CHECK ? "the output is not what the stage has to write" : "cannot keep the output",
                        NULL, NULL);
     }
-    char *text = manifest ? json_dumps(manifest, JSON_COMPACT) : NULL;
-    json_decref(manifest);
     made.manifest = text;
     status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &made, bw_now_ms(), &s->spent, &done);
     free(text);
