@@ -125,7 +125,10 @@ static bw_status run_in_savepoint(bw_queue *q, bw_write *write) {
     status = write->fn(&q->writer, write->user);
     if (status != BW_OK) q->writer.tally = before;
     if (sqlite3_get_autocommit(sql->db)) return status; /* SQLite rolled everything back */
-    if (status != BW_OK) bw_sql_run(sql, NULL, "ROLLBACK TO one", "");
+    if (status != BW_OK && bw_sql_run(sql, NULL, "ROLLBACK TO one", "") != BW_OK) { /* half a write must not be in the commit of the others */
+        bw_sql_run(sql, NULL, "ROLLBACK", "");
+        return status;
+    }
     bw_status released = bw_sql_run(sql, NULL, "RELEASE one", "");
     return status != BW_OK ? status : released;
 }
