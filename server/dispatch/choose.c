@@ -12,7 +12,7 @@
 #include "server/log.h"
 #include "server/metrics.h"
 
-enum { PAGE = 8 };
+enum { PAGE = 8, TAKEN_MOST = 32 }; /* jobs taken in one pass: what else the thread has to do does not wait for a cache that has thousands */
 
 /* Is the state there that the stage reads? Retention keeps it, but it may have been lost in other ways, or never have come back from a backup. */
 static bool has_input(bw_dispatch *d, const bw_job *job, const json_t *options) {
@@ -161,7 +161,7 @@ static bw_status advance_job(bw_dispatch *d, bw_job *job, bool *taken) {
 }
 
 /* One owner's turn: the first of its candidates that can be taken. One whose key is being made waits for that. */
-static bw_status serve(bw_dispatch *d, const char *owner) {
+static bw_status serve(bw_dispatch *d, const char *owner, bool *found) {
     bw_status status = BW_OK;
     bool taken = false;
     size_t count = PAGE;
@@ -180,21 +180,27 @@ static bw_status serve(bw_dispatch *d, const char *owner) {
         }
         bw_jobs_free(jobs, count);
     }
+    *found = taken;
     return status;
 }
 
 bw_status bw_dispatch_choose(bw_dispatch *d, int64_t *next_due) {
     bw_turn turn = {.served = -1};
     bw_status status = BW_OK;
-    bool found = true;
+    int taken = 0;
+    bool found, one;
+    *next_due = 0;
     if (d->config->require_sandbox && !bw_sandbox_complete(&d->sandbox)) return BW_OK; /* fails closed; /readyz tells */
     begin_pass(d);
-    while (free_slot(d)) {
+    while (free_slot(d) && taken < TAKEN_MOST && bw_dispatch_claims(d)) {
         status = bw_queue_turn(d->queue, d->config->owner_running, &turn, &found);
         if (status != BW_OK || !found) break;
-        status = serve(d, turn.owner);
+        status = serve(d, turn.owner, &one);
         if (status != BW_OK) break;
+        taken += one;
     }
-    end_pass(d, status == BW_OK && free_slot(d));
-    return status == BW_OK ? bw_queue_next_due(d->queue, bw_now_ms(), next_due) : status;
+    end_pass(d, status == BW_OK && taken < TAKEN_MOST && free_slot(d));
+    *next_due = bw_now_ms();
+    if (status != BW_OK || taken == TAKEN_MOST) return status; /* there may be more: once round the loop, then at once */
+    return bw_queue_next_due(d->queue, *next_due, next_due);
 }

@@ -125,7 +125,7 @@ static bw_status turn(bw_dispatch *d, struct pollfd *fds, int64_t *next_due) {
         if (d->slots[i].busy) bw_slot_listen(d, &d->slots[i], false);
     bw_status status = read_spawner(d);
     if (status == BW_OK) status = watch_running(d, woken);
-    bool claims = !atomic_load(&d->stopping) && !atomic_load(&d->draining);
+    bool claims = bw_dispatch_claims(d);
     if (!claims) *next_due = 0;
     if (status == BW_OK && claims) status = bw_dispatch_choose(d, next_due);
     atomic_fetch_add(&d->turns, 1);

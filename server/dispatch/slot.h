@@ -87,7 +87,10 @@ void bw_dispatch_try_sandbox(bw_dispatch *d);
 
 /* ---- choose.c ---- */
 
-/* Fills the free slots. *next_due: when a job that waits for its time is due; 0: none does. */
+/* Is anything to be begun still? */
+static inline bool bw_dispatch_claims(bw_dispatch *d) { return !atomic_load(&d->stopping) && !atomic_load(&d->draining); }
+/* Fills the free slots, or takes as many jobs as are due to one round of the loop. *next_due: when to be called again at the latest, for there
+ * is more to take or a job that waits for its time is due; 0: no need. */
 bw_status bw_dispatch_choose(bw_dispatch *d, int64_t *next_due);
 bw_waiter *bw_waiter_find(bw_dispatch *d, const char *job); /* under lock */
 

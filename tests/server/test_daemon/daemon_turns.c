@@ -74,6 +74,18 @@ static void queue_many(const char *headers, const char *hash, int jobs) {
     free(body);
 }
 
+static void queue_same(const char *headers, const char *hash, int jobs) {
+    char *body = malloc(200 * (size_t)jobs + 100);
+    size_t n = (size_t)sprintf(body, "{\"jobs\": [");
+    for (int i = 0; i < jobs; i++)
+        n += (size_t)sprintf(body + n, "%s{\"input\": \"%s\", \"options\": {\"until\": \"sanitize\"}}", i ? "," : "", hash);
+    n += (size_t)sprintf(body + n, "]}");
+    kit_reply r = kit_request(&d, "POST", "/v1/batches", headers, body, n);
+    assert_int_equal(r.status, 201);
+    kit_free(&r);
+    free(body);
+}
+
 static void wait_for_one(const char *headers, const char *query) {
     for (int i = 0; i < 400; i++, kit_sleep_ms(25)) {
         json_t *jobs = list(headers, query);
@@ -115,9 +127,38 @@ static void the_one_job_of_another_starts_next(void **state) {
     json_decref(of_bob);
 }
 
+static int ended_since_the_drain(void) {
+    char path[300], line[4096];
+    int n = -1;
+    snprintf(path, sizeof path, "%s.log", d.data);
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    while (fgets(line, sizeof line, f)) {
+        if (strstr(line, "daemon.draining")) n = 0;
+        else if (n >= 0) n += strstr(line, "event=job.successful") != NULL;
+    }
+    fclose(f);
+    return n;
+}
+
+/* Jobs that need no worker keep the dispatcher from nothing else. */
+static void a_stop_does_not_wait_for_all_that_is_in_the_cache(void **state) {
+    (void)state;
+    char hash[BW_SHA256_TEXT];
+    upload(ada, "sanitize sleep 10\n", hash);
+    queue_same(ada, hash, 1);
+    wait_for_one(ada, "state=successful");
+    queue_same(ada, hash, MANY);
+    wait_for_one(ada, "state=successful");
+    assert_int_equal(kit_stop(&d), 0);
+    int n = ended_since_the_drain();
+    assert_in_range(n, 0, 2); /* the one that was on its way */
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(the_one_job_of_another_starts_next, start, stop),
+        cmocka_unit_test_setup_teardown(a_stop_does_not_wait_for_all_that_is_in_the_cache, start, stop),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
