@@ -11,8 +11,8 @@
  *  6. Two attempts never make the same cache entry at the same time: the second job waits and then reuses it.
  *
  * How an ended attempt is judged (judge.c), first match counts:
- *     the daemon is stopping                      interrupted, given back to the queue
  *     the job was cancelled                       dismissed
+ *     the daemon is stopping                      interrupted, given back to the queue
  *     out of wall time                            failed: time-limit
  *     its folder grew too large; it said too much failed: output-limit
  *     broke the protocol                          system: worker-protocol
