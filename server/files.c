@@ -1,8 +1,8 @@
 #include "server/files.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <ftw.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -64,16 +64,61 @@ bw_status bw_make_dir(const char *path) {
     return errno == EEXIST ? BW_OK : BW_E_IO;
 }
 
-static int remove_one(const char *path, const struct stat *st, int kind, struct FTW *ftw) {
-    (void)st, (void)kind, (void)ftw;
-    return remove(path) == 0 || errno == ENOENT ? 0 : -1;
+/* Moves the folder `name` up into `root`, under a name that is free there. */
+static bw_status move_up(int root, int folder, const char *name, unsigned *number) {
+    char to[32];
+    if (fchmodat(folder, name, 0700, 0) != 0) return BW_E_IO; /* its ".." changes */
+    for (;;) {
+        snprintf(to, sizeof to, "up.%u", (*number)++);
+        if (renameat(folder, name, root, to) == 0) return BW_OK;
+        if (errno != EEXIST && errno != ENOTEMPTY && errno != ENOTDIR) return BW_E_IO;
+    }
+}
+
+/* Empties `folder`, which it closes: `root`, or one directly in it. What a folder in root holds of folders is moved up into root, to be met there
+ * again, so that no path and no recursion grows with the tree. */
+static bw_status empty_folder(int root, int folder, unsigned *number);
+
+static bw_status remove_entry(int root, int folder, const char *name, unsigned *number) {
+    if (unlinkat(folder, name, 0) == 0 || errno == ENOENT) return BW_OK;
+    if (errno != EISDIR) return BW_E_IO;
+    if (unlinkat(folder, name, AT_REMOVEDIR) == 0) return BW_OK;
+    if (folder != root) return move_up(root, folder, name, number);
+    if (fchmodat(root, name, 0700, 0) != 0) return BW_E_IO;
+    int inner = openat(root, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    bw_status status = inner < 0 ? BW_E_IO : empty_folder(root, inner, number);
+    return status == BW_OK && unlinkat(root, name, AT_REMOVEDIR) != 0 ? BW_E_IO : status;
+}
+
+static bw_status empty_folder(int root, int folder, unsigned *number) {
+    bw_status status = BW_OK;
+    DIR *entries = fdopendir(folder);
+    if (!entries) {
+        close(folder);
+        return BW_E_IO;
+    }
+    for (size_t met = 1; status == BW_OK && met; rewinddir(entries)) {
+        met = 0;
+        for (struct dirent *e; status == BW_OK && (e = readdir(entries));) {
+            if (strcmp(e->d_name, ".") == 0 || strcmp(e->d_name, "..") == 0) continue;
+            status = remove_entry(root, folder, e->d_name, number);
+            met++;
+        }
+    }
+    closedir(entries);
+    return status;
 }
 
 bw_status bw_remove_tree(const char *path) {
     struct stat st;
+    unsigned number = 0;
     if (lstat(path, &st) != 0) return errno == ENOENT ? BW_OK : BW_E_IO;
     if (!S_ISDIR(st.st_mode)) return unlink(path) == 0 ? BW_OK : BW_E_IO;
-    return nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS) == 0 ? BW_OK : BW_E_IO;
+    if (rmdir(path) == 0) return BW_OK;
+    if (chmod(path, 0700) != 0) return BW_E_IO;
+    int root = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    bw_status status = root < 0 ? BW_E_IO : empty_folder(root, root, &number);
+    return status == BW_OK && rmdir(path) != 0 ? BW_E_IO : status;
 }
 
 bw_status bw_write_file(const char *path, const char *data, size_t size) {

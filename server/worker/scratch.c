@@ -1,6 +1,7 @@
 #include "server/worker/scratch.h"
 
 #include <dirent.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -16,6 +17,7 @@ static uint64_t entry_bytes(int folder, const char *name, uint64_t most, int dep
     if (!S_ISDIR(st.st_mode)) return ENTRY_BYTES + (uint64_t)st.st_size;
     if (depth == DEPTH_MOST) return UINT64_MAX / 2;
     int inner = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (inner < 0 && errno == EACCES) return UINT64_MAX / 2; /* one that hides what it holds */
     return ENTRY_BYTES + (inner < 0 ? 0 : below(inner, most, depth + 1));
 }
 

@@ -1,4 +1,6 @@
 /* The store: blobs appear whole or not at all, attempts are taken over only when they are what they should be. */
+#include <fcntl.h>
+#include <grp.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,6 +17,7 @@
 
 #include "server/files.h"
 #include "server/store.h"
+#include "server/worker/scratch.h"
 
 static char folder[64], command[400];
 static bw_store *store;
@@ -196,6 +199,55 @@ static void a_start_deletes_temporaries_and_a_sweep_what_has_no_row(void **state
     assert_false(bw_store_has_cached(store, key));
 }
 
+/* As an unprivileged user, whom rights stop. True if `test` says so in a process of its own. */
+static bool holds_for_a_user(bool (*test)(void)) {
+    int status = -1;
+    pid_t pid = fork();
+    if (pid == 0) {
+        bool user = getuid() != 0 || (chown(folder, 65534, 65534) == 0 && setgroups(0, NULL) == 0 && setgid(65534) == 0 && setuid(65534) == 0);
+        _exit(user && chdir(folder) == 0 && test() ? 0 : 1);
+    }
+    return pid > 0 && waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+/* A worker's chain of folders, deeper than any path is long; all folders may be searched and written, not listed. */
+static bool make_deep(const char *name, int depth) {
+    int at = open(".", O_RDONLY | O_DIRECTORY), fd = -1;
+    for (int i = 0; i < depth && at >= 0; i++) {
+        const char *here = i ? "deeper" : name;
+        int next = mkdirat(at, here, 0700) == 0 ? openat(at, here, O_RDONLY | O_DIRECTORY) : -1;
+        if (next >= 0 && (fd = openat(next, "file", O_WRONLY | O_CREAT, 0)) >= 0) close(fd);
+        if (fd < 0 || fchmod(next, 0300) != 0) return false;
+        close(at);
+        at = next;
+    }
+    close(at);
+    return at >= 0;
+}
+
+static bool a_deep_tree_goes(void) {
+    bool made = make_deep("deep", 1500) && mkdir("deep/up.0", 0700) == 0 && mkdir("deep/up.0/up.1", 0500) == 0 && mkdir("deep/up.0/up.2", 0) == 0;
+    return made && bw_remove_tree("deep") == BW_OK && access("deep", F_OK) != 0;
+}
+
+static void a_tree_goes_however_deep_it_is_and_whatever_its_rights(void **state) {
+    (void)state;
+    assert_true(holds_for_a_user(a_deep_tree_goes));
+}
+
+static bool a_hidden_folder_is_too_much(void) {
+    int attempt = mkdir("attempt", 0700) == 0 ? open("attempt", O_RDONLY | O_DIRECTORY) : -1;
+    bool made = mkdir("attempt/empty", 0700) == 0 && bw_scratch_bytes(attempt, 1 << 20) < 1 << 20 && mkdir("attempt/hidden", 0300) == 0;
+    bool much = made && bw_scratch_bytes(attempt, 1 << 20) > 1 << 20;
+    close(attempt);
+    return much;
+}
+
+static void a_folder_that_cannot_be_listed_is_more_than_any_limit(void **state) {
+    (void)state;
+    assert_true(holds_for_a_user(a_hidden_folder_is_too_much));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_blob_is_there_after_its_upload_and_says_its_hash, open_store, close_store),
@@ -204,6 +256,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(outputs_that_are_something_else_are_refused, open_store, close_store),
         cmocka_unit_test_setup_teardown(more_results_than_any_stage_writes_are_refused_without_reading_all, open_store, close_store),
         cmocka_unit_test_setup_teardown(folders_of_blobs_and_outputs_are_there_from_the_start, open_store, close_store),
+        cmocka_unit_test_setup_teardown(a_tree_goes_however_deep_it_is_and_whatever_its_rights, open_store, close_store),
+        cmocka_unit_test_setup_teardown(a_folder_that_cannot_be_listed_is_more_than_any_limit, open_store, close_store),
         cmocka_unit_test_setup_teardown(a_start_deletes_temporaries_and_a_sweep_what_has_no_row, open_store, close_store),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
