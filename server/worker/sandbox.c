@@ -113,7 +113,7 @@ static const int allowed[] = {
     SCMP_SYS(statx), SCMP_SYS(access), SCMP_SYS(faccessat), SCMP_SYS(faccessat2), SCMP_SYS(getdents64), SCMP_SYS(getcwd),
     SCMP_SYS(readlink), SCMP_SYS(readlinkat), SCMP_SYS(mkdir), SCMP_SYS(mkdirat), SCMP_SYS(rmdir), SCMP_SYS(unlink),
     SCMP_SYS(unlinkat), SCMP_SYS(rename), SCMP_SYS(renameat), SCMP_SYS(renameat2), SCMP_SYS(ftruncate), SCMP_SYS(fallocate),
-    SCMP_SYS(fsync), SCMP_SYS(fdatasync), SCMP_SYS(fcntl), SCMP_SYS(flock), SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3),
+    SCMP_SYS(fsync), SCMP_SYS(fdatasync), SCMP_SYS(flock), SCMP_SYS(dup), SCMP_SYS(dup2), SCMP_SYS(dup3),
     SCMP_SYS(pipe), SCMP_SYS(pipe2), /* reach nobody; how the sanitizer of undefined behaviour asks whether memory is readable */
     SCMP_SYS(brk), SCMP_SYS(munmap), SCMP_SYS(mremap), SCMP_SYS(madvise), SCMP_SYS(mincore), SCMP_SYS(futex),
     SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity), SCMP_SYS(set_robust_list), SCMP_SYS(get_robust_list), SCMP_SYS(rseq),
@@ -124,6 +124,9 @@ static const int allowed[] = {
     SCMP_SYS(getuid), SCMP_SYS(geteuid), SCMP_SYS(getgid), SCMP_SYS(getegid), SCMP_SYS(uname), SCMP_SYS(sysinfo),
     SCMP_SYS(getrandom), SCMP_SYS(getrlimit), SCMP_SYS(getcpu),
 };
+
+/* Of fcntl. Others would have the kernel send a signal of the worker's choice to whom it likes (F_SETOWN with F_SETSIG). */
+static const int allowed_fcntl[] = {F_DUPFD, F_DUPFD_CLOEXEC, F_GETFD, F_SETFD, F_GETFL, F_SETFL, F_GETLK, F_SETLK, F_SETLKW};
 
 /* What only a worker does that is not its own master any more. */
 static const int deadly[] = {
@@ -162,6 +165,15 @@ static bool add_conditional(scmp_filter_ctx filter) {
            add(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 2, read_limit);
 }
 
+static bool add_fcntl(scmp_filter_ctx filter) {
+    bool good = true;
+    for (size_t i = 0; good && i < sizeof allowed_fcntl / sizeof *allowed_fcntl; i++) {
+        const struct scmp_arg_cmp command = SCMP_A1(SCMP_CMP_EQ, (scmp_datum_t)allowed_fcntl[i]);
+        good = add(filter, SCMP_ACT_ALLOW, SCMP_SYS(fcntl), 1, &command);
+    }
+    return good;
+}
+
 static void enter_seccomp(bw_sandbox *s) {
     if (SANITIZER) return miss(s, "seccomp", "built with a sanitizer");
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(ENOSYS));
@@ -170,7 +182,7 @@ static void enter_seccomp(bw_sandbox *s) {
     for (size_t i = 0; good && i < sizeof allowed / sizeof *allowed; i++) good = add(filter, SCMP_ACT_ALLOW, allowed[i], 0, NULL);
     for (size_t i = 0; good && i < sizeof deadly / sizeof *deadly; i++)
         good = add(filter, SCMP_ACT_KILL_PROCESS, deadly[i], 0, NULL);
-    int error = good && add_conditional(filter) ? seccomp_load(filter) : -EINVAL;
+    int error = good && add_conditional(filter) && add_fcntl(filter) ? seccomp_load(filter) : -EINVAL;
     if (filter) seccomp_release(filter);
     s->seccomp = error == 0;
     if (error) miss(s, "seccomp", strerror(-error));

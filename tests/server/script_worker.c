@@ -29,8 +29,9 @@
  *     frames BYTES    say that much in log lines
  *     thread          start a thread and wait for it
  *     fork, exec, socket, ptrace, mount   try it, and log that it was not stopped
- *     read PATH, write PATH, remove PATH, handles, signal
- *                     try it (handles: open files without end; signal: to the parent); if the system refuses, log how and end with
+ *     read PATH, write PATH, remove PATH, handles, signal, owner
+ *                     try it (handles: open files without end; signal: to the parent; owner: make the parent the one whom the kernel signals
+ *                     of news on the channel); if the system refuses, log how and end with
  *                     "sandbox-violation", else end with "check-failed"
  *
  * A file of parameters goes before the script, as if it were its beginning. sanitize copies the script to its output; every later stage copies its input to its output, with the stage's name added as a
@@ -210,6 +211,7 @@ static bool refused(const char *verb, const char *path) {
     else if (!strcmp(verb, "write")) done = open(path, O_WRONLY | O_CREAT, 0600);
     else if (!strcmp(verb, "remove")) done = unlink(path);
     else if (!strcmp(verb, "signal")) done = kill(getppid(), SIGCONT);
+    else if (!strcmp(verb, "owner")) done = fcntl(BW_WORKER_CHANNEL, F_SETOWN, getppid());
     else if (!strcmp(verb, "handles")) while ((done = open("/dev/urandom", O_RDONLY)) >= 0) count++;
     else return false;
     say("%s %s: %s after %d", verb, path, done >= 0 ? "done" : strerrorname_np(errno), count);

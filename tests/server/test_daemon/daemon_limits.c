@@ -264,6 +264,7 @@ static void a_worker_that_makes_a_forbidden_call_is_ended(void **state) {
         assert_false(log_has(id, "was not stopped"));
     }
     expect_stopped("signal", "sandbox-violation", "algorithm", "", 0, "ENOSYS");
+    expect_stopped("owner", "sandbox-violation", "algorithm", "", 0, "ENOSYS");
 }
 
 static void a_worker_reaches_no_file_but_its_own(void **state) {
