@@ -115,7 +115,7 @@ static bool put_right(bw_partial *p) {
     char path[PATH_MAX];
     part_path(p, "part", path);
     bool there = lstat(path, &st) == 0 && S_ISREG(st.st_mode);
-    if (*p->blob) return bw_store_adopt(p->all->store, path, p->blob) == BW_OK;
+    if (*p->blob) return (!there || ((uint64_t)st.st_size == p->length && chmod(path, 0400) == 0)) && bw_store_adopt(p->all->store, path, p->blob) == BW_OK;
     return there && (uint64_t)st.st_size >= p->durable && truncate(path, (off_t)p->durable) == 0;
 }
 
@@ -285,7 +285,7 @@ static bw_partial *take_old(bw_partials *all, int64_t now, int most) {
     TAILQ_FOREACH(p, &all->list, link) {
         complete += p->complete;
         if (p->taken) continue;
-        if (!oldest && p->complete) oldest = p;
+        if (p->complete && (!oldest || p->expires < oldest->expires)) oldest = p; /* a start lists them in any order */
         if (!due && p->expires <= now) due = p;
     }
     if (!due && complete > most) due = oldest;
@@ -364,8 +364,16 @@ static bw_status complete(bw_partial *p, char actual[BW_SHA256_TEXT]) {
     status = write_sidecar(p);
     if (status == BW_OK && fchmod(p->fd, 0400) != 0) status = BW_E_IO;
     if (status == BW_OK) status = bw_store_adopt(p->all->store, path, actual);
-    if (status != BW_OK && access(path, F_OK) == 0) *p->blob = '\0'; /* it is no blob yet; another commit tries again */
+    if (status != BW_OK && access(path, F_OK) == 0 && fchmod(p->fd, 0600) == 0) *p->blob = '\0'; /* it is no blob yet; another commit tries again */
     return status;
+}
+
+/* After a sync that failed nobody knows what is on the disk of the bytes since the last one, nor would another sync tell. */
+static bw_status back_to_durable(bw_partial *p) {
+    bw_digest_free(p->digest);
+    p->digest = NULL;
+    p->written = p->durable;
+    return ftruncate(p->fd, (off_t)p->durable) == 0 ? BW_OK : BW_E_IO;
 }
 
 bw_status bw_partial_commit(bw_partial *p, int64_t expires, char actual[BW_SHA256_TEXT]) {
@@ -373,7 +381,10 @@ bw_status bw_partial_commit(bw_partial *p, int64_t expires, char actual[BW_SHA25
     *actual = '\0';
     if (*p->blob && p->durable == p->written) return BW_OK;
     bw_status status = *p->blob ? BW_OK : bw_sync(p->fd, p->id);
-    if (status != BW_OK) return status;
+    if (status != BW_OK) {
+        if (back_to_durable(p) != BW_OK) bw_event(BW_WARN, "upload.undo", "upload=%s", p->id);
+        return status;
+    }
     uint64_t before = p->durable;
     p->durable = p->written;
     p->expires = expires;

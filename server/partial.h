@@ -38,7 +38,6 @@ typedef struct {
 } bw_partial_tally;
 void bw_partials_tally(bw_partials *partials, const char *owner, bw_partial_tally *tally);
 
-
 typedef struct {
     const char *owner;    /* "": the local one */
     uint64_t length;      /* of the whole */
@@ -71,7 +70,7 @@ bw_status bw_partial_write(bw_partial *partial, const void *data, size_t size);
 bw_status bw_partial_mark(bw_partial *partial);
 bw_status bw_partial_undo(bw_partial *partial);
 /* (slow) Makes durable what there is, with a new expiry; a complete upload becomes a blob. BW_E_CHECK: it is complete and has another hash
- * than expected (`actual`); it is to be removed then. */
+ * than expected (`actual`); it is to be removed then. BW_E_IO: the bytes since the last commit may be gone (bw_partial_offset tells), what was committed before is not. */
 bw_status bw_partial_commit(bw_partial *partial, int64_t expires, char actual[BW_SHA256_TEXT]);
 
 #endif
