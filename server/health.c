@@ -16,10 +16,11 @@
 #include "server/metrics.h"
 #include "server/queue/retention.h"
 
-enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, DETAIL = 200, PATIENCE_MS = 1000 /* with a probe, at the end */ };
+enum { PROBE_BYTES = 4096, SAMPLES = 32, WINDOW_MS = 300000, SPAN_MS = 10000, /* 32 spans are more than the window */ DETAIL = 200, PATIENCE_MS = 1000 /* with a probe, at the end */ };
 
+/* The worst of a span of time, so that the ring has the whole window however often the disk is probed. */
 typedef struct {
-    int64_t at, us; /* monotonic ms; how long it took */
+    int64_t at, us; /* of its first probe, monotonic ms; how long the worst took */
 } sample;
 
 struct bw_health {
@@ -36,6 +37,7 @@ struct bw_health {
     uint64_t turns;   /* of the dispatcher at the last probe */
     sample samples[SAMPLES]; /* a ring; the last at (count - 1) % SAMPLES */
     size_t count;
+    int64_t last;     /* us, of the last probe that worked */
     int64_t since;    /* when the probe under way began, 0: none */
     int error;        /* errno of the last probe, 0: it worked */
     const char *step; /* and at what */
@@ -61,6 +63,13 @@ static int probe_disk(const char *path, const char **step) {
     return error;
 }
 
+static void take_sample(bw_health *h, int64_t now, int64_t us) {
+    sample *s = &h->samples[(h->count + SAMPLES - 1) % SAMPLES];
+    h->last = us;
+    if (!h->count || now - s->at >= SPAN_MS) h->samples[h->count++ % SAMPLES] = (sample){now, us};
+    else if (us > s->us) s->us = us;
+}
+
 /* Under lock, which it gives up while it waits for the disk. */
 static void probe(bw_health *h) {
     const char *step;
@@ -81,7 +90,7 @@ static void probe(bw_health *h) {
     h->error = error;
     h->step = step;
     h->since = 0;
-    if (!error) h->samples[h->count++ % SAMPLES] = (sample){bw_mono_ms(), us};
+    if (!error) take_sample(h, bw_mono_ms(), us);
 }
 
 static void health_free(bw_health *h) {
@@ -209,7 +218,7 @@ static bw_verdict check_disk(bw_health *h, char detail[DETAIL]) {
 static int64_t worst_of(const bw_health *h, int64_t now) {
     int64_t worst = 0;
     for (size_t i = 0; i < SAMPLES && i < h->count; i++)
-        if (now - h->samples[i].at <= WINDOW_MS && h->samples[i].us > worst) worst = h->samples[i].us;
+        if (now - h->samples[i].at <= WINDOW_MS + SPAN_MS && h->samples[i].us > worst) worst = h->samples[i].us;
     return worst;
 }
 
@@ -219,7 +228,7 @@ static bw_verdict check_fsync(bw_health *h, char detail[DETAIL]) {
     pthread_mutex_lock(&h->lock);
     int error = h->error;
     const char *step = h->step;
-    int64_t since = h->since ? now - h->since : 0, worst = worst_of(h, now), last = h->count ? h->samples[(h->count - 1) % SAMPLES].us : 0;
+    int64_t since = h->since ? now - h->since : 0, worst = worst_of(h, now), last = h->last;
     pthread_mutex_unlock(&h->lock);
     if (since >= fail) return say(BW_VERDICT_FAIL, detail, "the disk has not answered for %" PRId64 " ms", since);
     if (error) return say(BW_VERDICT_FAIL, detail, "cannot %s a file in the data folder: %s", step, strerrordesc_np(error));

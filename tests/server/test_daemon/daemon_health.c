@@ -192,6 +192,20 @@ static void a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready(v
     assert_non_null(strstr(detail, "has not answered"));
 }
 
+/* Only the first sync is slow; some 60 follow. */
+static void a_slow_sync_is_warned_of_however_many_were_fast_since(void **state) {
+    (void)state;
+    start_with_shim("delay:3000,times=1", (const char *const[]){"--probe-interval", "50ms", "--ready-fsync-warn", "2900ms", NULL});
+    expect_verdict("fsync", "warn", 200);
+    double before = metric("blockwright_fsync_seconds_count");
+    for (int i = 0; i < 1000 && metric("blockwright_fsync_seconds_count") < before + 60; i++) kit_sleep_ms(20);
+    assert_true(metric("blockwright_fsync_seconds_count") >= before + 60);
+    char status[16], detail[300];
+    long http;
+    check_of("fsync", &http, status, detail);
+    assert_string_equal(status, "warn");
+}
+
 /* A sync that takes ten minutes; the daemon has one to stop in. */
 static void a_disk_that_does_not_answer_holds_up_no_stop(void **state) {
     (void)state;
@@ -335,6 +349,7 @@ int main(void) {
         cmocka_unit_test_teardown(a_full_disk_is_told_and_forgotten_when_there_is_room_again, remove_daemon),
         cmocka_unit_test_teardown(a_data_folder_that_cannot_be_written_is_told, remove_daemon),
         cmocka_unit_test_teardown(a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready, remove_daemon),
+        cmocka_unit_test_teardown(a_slow_sync_is_warned_of_however_many_were_fast_since, remove_daemon),
         cmocka_unit_test_teardown(a_disk_that_does_not_answer_holds_up_no_stop, remove_daemon),
         cmocka_unit_test_teardown(a_sync_that_fails_for_the_probe_is_told_and_ends_nothing, remove_daemon),
         cmocka_unit_test_teardown(jobs_and_stages_are_counted, remove_daemon),
