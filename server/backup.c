@@ -38,7 +38,13 @@ static bw_status copy_file(const char *from, const char *to, mode_t mode) {
     return status;
 }
 
-static bw_status copy_entry(const char *from, const char *to);
+/* A file that nobody changes: linked, or on another file system copied. BW_E_CHECK: it is no file, so nothing of ours. */
+static bw_status copy_plain(const char *from, const char *to) {
+    struct stat st;
+    if (lstat(from, &st) != 0) return BW_E_IO;
+    if (!S_ISREG(st.st_mode)) return BW_E_CHECK;
+    return link(from, to) == 0 ? BW_OK : copy_file(from, to, 0400);
+}
 
 static bw_status copy_folder(const char *from, const char *to) {
     DIR *folder = opendir(from);
@@ -47,18 +53,17 @@ static bw_status copy_folder(const char *from, const char *to) {
         char a[PATH_MAX], b[PATH_MAX];
         if (*e->d_name == '.') continue;
         bool fits = snprintf(a, sizeof a, "%s/%s", from, e->d_name) < (int)sizeof a && snprintf(b, sizeof b, "%s/%s", to, e->d_name) < (int)sizeof b;
-        status = fits ? copy_entry(a, b) : BW_E_IO;
+        status = fits ? copy_plain(a, b) : BW_E_IO;
     }
     if (folder) closedir(folder);
     return status == BW_OK ? bw_sync_path(to) : status;
 }
 
-/* A blob or an output, which nobody changes: linked, or on another file system copied. */
+/* A blob or a state, or a folder of results. */
 static bw_status copy_entry(const char *from, const char *to) {
     struct stat st;
     if (lstat(from, &st) != 0) return BW_E_IO;
-    if (S_ISDIR(st.st_mode)) return copy_folder(from, to);
-    return link(from, to) == 0 ? BW_OK : copy_file(from, to, 0400);
+    return S_ISDIR(st.st_mode) ? copy_folder(from, to) : copy_plain(from, to);
 }
 
 /* ROOT/<kind>/<two letters>/<name>; makes the folders if asked. False: the path is too long. */
@@ -74,13 +79,13 @@ static bool entry_path(char path[PATH_MAX], const char *root, const char *kind, 
 
 /* Logs grow: they are copied as far as they are. */
 static bw_status copy_logs(const char *from_root, const char *to_root) {
-    char from[PATH_MAX], to[PATH_MAX];
+    char from[PATH_MAX], to[PATH_MAX], to_logs[PATH_MAX];
     bw_status status = BW_OK;
-    snprintf(to, sizeof to, "%.3800s/logs", to_root);
+    snprintf(to_logs, sizeof to_logs, "%.3800s/logs", to_root);
     snprintf(from, sizeof from, "%.3800s/logs", from_root);
     DIR *folder = opendir(from);
     if (!folder) return BW_OK;
-    status = bw_make_dir(to);
+    status = bw_make_dir(to_logs);
     for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
         size_t n = strlen(e->d_name);
         if (n < 5 || n > 100 || strcmp(e->d_name + n - 4, ".log") != 0) continue;
@@ -89,7 +94,28 @@ static bw_status copy_logs(const char *from_root, const char *to_root) {
         if (access(from, F_OK) == 0) status = copy_file(from, to, 0600); /* else its job was deleted just now */
     }
     closedir(folder);
+    return status == BW_OK ? bw_sync_path(to_logs) : status;
+}
+
+/* Makes the names durable that copy_entry has put into ROOT/<kind>/<two letters>; the folders' own names are. */
+static bw_status sync_kind(const char *root, const char *kind) {
+    char path[PATH_MAX];
+    bw_status status = BW_OK;
+    snprintf(path, sizeof path, "%.3800s/%s", root, kind);
+    DIR *folder = opendir(path);
+    if (!folder) return errno == ENOENT ? BW_OK : BW_E_IO;
+    for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
+        if (*e->d_name == '.') continue;
+        snprintf(path, sizeof path, "%.3800s/%s/%.200s", root, kind, e->d_name);
+        status = bw_sync_path(path);
+    }
+    closedir(folder);
     return status;
+}
+
+static bw_status sync_entries(const char *root) {
+    bw_status status = sync_kind(root, "blobs");
+    return status == BW_OK ? sync_kind(root, "cache") : status;
 }
 
 /* ---- backup ---- */
@@ -104,7 +130,7 @@ typedef struct {
 static bool has_right_hash(const char *path, const char *name) {
     char hash[BW_SHA256_TEXT] = "";
     uint64_t bytes;
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     bool right = fd >= 0 && bw_digest_file(fd, hash, &bytes) == BW_OK && strcmp(hash, name) == 0;
     if (fd >= 0) close(fd);
     return right;
@@ -127,7 +153,11 @@ static bw_status copy_one(void *user, const char *kind, const char *name, int64_
         return BW_OK;
     }
     if (!c->to) return BW_OK;
-    return entry_path(to, c->to, kind, name, true) ? copy_entry(from, to) : BW_E_IO;
+    if (!entry_path(to, c->to, kind, name, true)) return BW_E_IO;
+    bw_status status = copy_entry(from, to);
+    if (status != BW_E_CHECK) return status;
+    c->report->damaged++;
+    return bw_remove_tree(to);
 }
 
 static bw_status write_manifest(const char *file, copying *c) {
@@ -144,7 +174,7 @@ static bw_status write_manifest(const char *file, copying *c) {
 
 bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retention, const char *file, bool with_files, bw_backup_report *report,
                          char error[BW_BACKUP_ERROR]) {
-    char files[PATH_MAX];
+    char files[PATH_MAX], manifest[PATH_MAX];
     bw_copy_facts facts;
     copying c = {.from = data, .to = with_files ? files : NULL, .report = report};
     *report = (bw_backup_report){0};
@@ -158,9 +188,12 @@ bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retent
     if (status == BW_OK) report->jobs = facts.jobs;
     if (status == BW_OK) status = write_manifest(file, &c);
     if (status == BW_OK && with_files) status = copy_logs(data, files);
+    if (status == BW_OK && with_files) status = sync_entries(files);
     bw_retention_release(retention);
     if (status == BW_OK) return BW_OK;
     unlink(file); /* half a backup is none */
+    snprintf(manifest, sizeof manifest, "%.4000s.manifest", file);
+    unlink(manifest);
     if (with_files) bw_remove_tree(files);
     return refuse(error, status, file, "cannot be written, or not whole");
 }
@@ -190,6 +223,7 @@ bw_status bw_backup_restore(const char *file, const char *data, bw_backup_report
     status = copy_file(file, fresh, 0600);
     if (status == BW_OK) status = bw_copy_files(fresh, copy_one, &c);
     if (status == BW_OK) status = copy_logs(files, data);
+    if (status == BW_OK) status = sync_entries(data);
     if (status == BW_OK && rename(fresh, database) != 0) status = BW_E_IO; /* last: a folder without it is no whole one */
     if (status == BW_OK) status = bw_sync_path(data);
     return status == BW_OK ? BW_OK : refuse(error, status, data, "cannot be filled");

@@ -14,7 +14,8 @@ enum { BW_BACKUP_ERROR = 300 };
 
 typedef struct {
     int64_t jobs, files, bytes; /* files that are needed, whether copied or not */
-    int64_t missing, damaged;   /* of them: not there; restore: with another content than their name says, left out */
+    int64_t missing, damaged;   /* of them: not there; no plain file or folder of such, or, at a restore, with another content
+                                * than their name says: left out */
 } bw_backup_report;
 
 /* While the queue is used and written; nothing is collected meanwhile. `data`: its folder. FILE must not be there. */

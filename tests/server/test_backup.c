@@ -7,6 +7,7 @@
 #include <sqlite3.h>
 #include <stdatomic.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "server/backup.h"
@@ -17,6 +18,26 @@ static bw_store *store;
 static bw_config config;
 static bw_retention *retention;
 static char file[128], fresh[128];
+
+static char synced[1 << 16]; /* the folders and files, a blank before and behind each */
+static pthread_mutex_t synced_lock = PTHREAD_MUTEX_INITIALIZER;
+
+int fsync(int fd) {
+    char link[32], path[400];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t n = readlink(link, path, sizeof path);
+    pthread_mutex_lock(&synced_lock);
+    size_t at = strlen(synced);
+    if (n > 0 && at + (size_t)n + 3 < sizeof synced) snprintf(synced + at, sizeof synced - at, " %.*s ", (int)n, path);
+    pthread_mutex_unlock(&synced_lock);
+    return (int)syscall(SYS_fsync, fd);
+}
+
+static void expect_synced(const char *root, const char *below) {
+    char name[400];
+    snprintf(name, sizeof name, " %s/%s ", root, below);
+    if (!strstr(synced, name)) fail_msg("%s was not synced", name);
+}
 
 static int open_all(void **state) {
     if (open_queue(state) != 0 || bw_store_open(folder, &store) != BW_OK) return -1;
@@ -217,6 +238,52 @@ static void a_damaged_input_is_left_out_and_told(void **state) {
     bw_job_clear(&waits);
 }
 
+/* A backup of somebody else's making: results that are not files, or lie elsewhere. */
+static void what_is_no_file_is_left_out_and_told(void **state) {
+    (void)state;
+    static const char *const made[] = {"ln -s /etc/passwd %s.files/cache/01/%s/x", "mkdir %s.files/cache/01/%s/x",
+                                       "cd %s.files/cache/01 && set -- %s && rm -r $1 && ln -s /etc $1"};
+    bw_job ended, waits;
+    bw_backup_report report;
+    char command[1000];
+    fill(&ended, &waits);
+    for (size_t i = 0; i < sizeof made / sizeof *made; i++) {
+        snprintf(command, sizeof command, "rm -rf %s %s.files %s.manifest %s/* ", file, file, file, fresh);
+        assert_int_equal(system(command), 0);
+        assert_int_equal(make(true, &report), BW_OK);
+        snprintf(command, sizeof command, made[i], file, hash);
+        assert_int_equal(system(command), 0);
+        assert_int_equal(restore(&report), BW_OK);
+        assert_int_equal(report.damaged, 1);
+        snprintf(command, sizeof command, "%s/cache/01/%s", fresh, hash);
+        assert_int_equal(access(command, F_OK), -1);
+    }
+    bw_job_clear(&ended);
+    bw_job_clear(&waits);
+}
+
+static void what_is_copied_is_synced_by_name(void **state) {
+    (void)state;
+    bw_job ended, waits;
+    bw_backup_report report;
+    char files[160], below[20];
+    fill(&ended, &waits);
+    snprintf(files, sizeof files, "%s.files", file);
+    snprintf(below, sizeof below, "blobs/%.2s", waits.input);
+    *synced = '\0';
+    assert_int_equal(make(true, &report), BW_OK);
+    expect_synced(files, below);
+    expect_synced(files, "cache/01");
+    expect_synced(files, "logs");
+    *synced = '\0';
+    assert_int_equal(restore(&report), BW_OK);
+    expect_synced(fresh, below);
+    expect_synced(fresh, "cache/01");
+    expect_synced(fresh, "logs");
+    bw_job_clear(&ended);
+    bw_job_clear(&waits);
+}
+
 /* ---- under load ---- */
 
 enum { MOST = 20000 };
@@ -327,6 +394,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(jobs_whose_files_were_not_kept_end_as_failed, open_all, close_all),
         cmocka_unit_test_setup_teardown(what_is_no_sound_copy_is_refused, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_damaged_input_is_left_out_and_told, open_all, close_all),
+        cmocka_unit_test_setup_teardown(what_is_no_file_is_left_out_and_told, open_all, close_all),
+        cmocka_unit_test_setup_teardown(what_is_copied_is_synced_by_name, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_copy_under_load_has_all_that_was_accepted_before_it_began, open_all, close_all),
         cmocka_unit_test_setup_teardown(an_old_file_is_copied_before_it_is_changed, open_all, close_all),
     };
