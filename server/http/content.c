@@ -113,7 +113,7 @@ static range_kind read_range(const char *text, uint64_t bytes, uint64_t *first, 
 static bool range_applies(const bw_request *r, const bw_content *c, const char *etag) {
     const char *condition = bw_request_header(r, "If-Range");
     if (!condition) return true;
-    if (*condition == '"' || *condition == 'W') return tag_listed(condition, etag, false);
+    if (*condition == '"' || strncmp(condition, "W/", 2) == 0) return tag_listed(condition, etag, false);
     return c->modified && read_date(condition) == c->modified / 1000;
 }
 

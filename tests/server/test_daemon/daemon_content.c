@@ -1,7 +1,9 @@
 /* Content over HTTP: parts, conditions, codings out and in. */
 #include <stdio.h>
+#include <sqlite3.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "daemon_kit.h"
@@ -402,6 +404,26 @@ static void a_job_may_be_described_in_coded_json(void **state) {
     }
 }
 
+/* "Wed" and "W/" begin with the same letter. */
+static void if_range_with_the_date_of_a_wednesday_gives_the_part(void **state) {
+    (void)state;
+    char path[300], sql[100], date[60], headers[120];
+    struct tm tm;
+    time_t day = time(NULL);
+    sqlite3 *db;
+    while (gmtime_r(&day, &tm)->tm_wday != 3) day -= 86400;
+    assert_int_equal(kit_stop(&d), 0);
+    snprintf(path, sizeof path, "%s/jobs.db", d.data);
+    snprintf(sql, sizeof sql, "UPDATE jobs SET finished = %lld", (long long)day * 1000);
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, sql, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+    kit_restart(&d, NULL);
+    strftime(date, sizeof date, "Wed, %d %b %Y %H:%M:%S GMT", &tm);
+    snprintf(headers, sizeof headers, "Range: bytes=1-2\nIf-Range: %s", date);
+    expect_part(data_path, headers, data, 1, 2, "bytes 1-2/100000");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_range_is_answered_with_just_that_part),
@@ -420,6 +442,7 @@ int main(void) {
         cmocka_unit_test(a_coding_that_is_not_known_is_415),
         cmocka_unit_test(a_bomb_is_refused_by_what_it_would_be),
         cmocka_unit_test(a_job_may_be_described_in_coded_json),
+        cmocka_unit_test(if_range_with_the_date_of_a_wednesday_gives_the_part),
     };
     return cmocka_run_group_tests(tests, start, stop);
 }
