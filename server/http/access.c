@@ -85,17 +85,31 @@ static bool take_last(char *list, uint8_t address[16]) {
     return good;
 }
 
+typedef struct {
+    char text[512];
+    size_t size;
+    bool whole;
+} forwarded;
+
+static enum MHD_Result add_forwarded(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
+    forwarded *f = user;
+    (void)kind;
+    if (strcasecmp(key, "X-Forwarded-For") != 0 || !value) return MHD_YES;
+    int n = snprintf(f->text + f->size, sizeof f->text - f->size, "%s%s", f->size ? "," : "", value);
+    f->whole = (size_t)n < sizeof f->text - f->size;
+    f->size += f->whole ? (size_t)n : 0;
+    return f->whole ? MHD_YES : MHD_NO;
+}
+
 const char *bw_http_client(const bw_request *r, char text[BW_CLIENT_TEXT]) {
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    const char *forwarded = bw_request_header(r, "X-Forwarded-For");
-    char list[512] = "";
+    forwarded list = {.whole = true}; /* several such lines are one list (RFC 9110, 5.3): a proxy may add its own behind the client's */
     uint8_t address[16], before[16];
     bw_networks proxies;
     if (!info || !bw_address_of(info->client_addr, address)) return "-";
-    if (forwarded && bw_networks_parse(r->services->config->behind_proxy, &proxies)) {
-        snprintf(list, sizeof list, "%s", strlen(forwarded) < sizeof list ? forwarded : "");
-        while (*list && bw_networks_have(&proxies, address) && take_last(list, before)) memcpy(address, before, 16);
-    }
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, add_forwarded, &list);
+    if (list.whole && bw_networks_parse(r->services->config->behind_proxy, &proxies))
+        while (*list.text && bw_networks_have(&proxies, address) && take_last(list.text, before)) memcpy(address, before, 16);
     static const uint8_t four[12] = {[10] = 0xff, [11] = 0xff};
     bool is_four = memcmp(address, four, 12) == 0;
     return inet_ntop(is_four ? AF_INET : AF_INET6, is_four ? address + 12 : address, text, BW_CLIENT_TEXT) ? text : "-";
