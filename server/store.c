@@ -342,6 +342,14 @@ void bw_store_drop_log(const bw_store *store, const char *job) {
     unlink(path);
 }
 
+int bw_store_unlink_blob(bw_store *store, const char *sha256) {
+    char path[PATH_MAX];
+    blob_path(store, sha256, path);
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (unlink(path) != 0 && errno != ENOENT) bw_event(BW_WARN, "store.unlink", "errno=%d", errno);
+    return fd;
+}
+
 void bw_store_discard_log(bw_store *store, const char *job) {
     char path[PATH_MAX];
     log_path(store, job, path);

@@ -59,6 +59,8 @@ bool bw_store_has_blob(const bw_store *store, const char *sha256);
 /* Takes the entry out of its place at once, by a rename, and deletes it in the next bw_store_empty_discarded (or at the next start). */
 void bw_store_discard_cached(bw_store *store, const char *key);
 void bw_store_discard_blob(bw_store *store, const char *sha256);
+/* Takes the blob out of its place at once. Its bytes go when the descriptor is closed, which may take long; -1: there is none. */
+int bw_store_unlink_blob(bw_store *store, const char *sha256);
 void bw_store_discard_log(bw_store *store, const char *job);
 void bw_store_empty_discarded(bw_store *store); /* by one thread at a time */
 bw_status bw_store_each_blob(bw_store *store, void (*visit)(void *user, const char *sha256, uint64_t bytes), void *user);

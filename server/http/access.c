@@ -230,7 +230,30 @@ typedef struct {
     char owner[BW_OWNER_TEXT], sha256[BW_SHA256_TEXT];
     bw_new_blob row;
     void (*then)(bw_request *r);
+    bw_store *store;
+    int refused; /* the file of one that did not fit and is nobody's; -1: none */
 } keeping;
+
+static void keeping_free(void *state) {
+    keeping *k = state;
+    if (k->refused >= 0) close(k->refused);
+    free(k);
+}
+
+static bool is_present(void *user, const char *sha256) { return bw_http_has_blob(((keeping *)user)->store, sha256); }
+
+static void take_refused(void *user, const char *sha256) {
+    keeping *k = user;
+    k->refused = bw_store_unlink_blob(k->store, sha256);
+}
+
+static void drop_refused(bw_request *r) {
+    keeping *k = r->state;
+    if (k->refused >= 0) close(k->refused);
+    k->refused = -1;
+}
+
+static void reply_refused(bw_request *r) { bw_http_reply_too_large(r, ((keeping *)r->state)->row.in_force.bytes); }
 
 static bw_status write_kept(bw_writer *w, void *user) { return bw_write_blob(w, &((keeping *)user)->row); }
 
@@ -238,7 +261,7 @@ static void kept(bw_request *r) {
     keeping *k = r->state;
     if (r->written != BW_OK) bw_reply_storage(r);
     else if (k->row.lacking) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_BLOB, "the blob %s is gone; upload it again", k->sha256);
-    else if (!k->row.fits) bw_http_reply_too_large(r, k->row.in_force.bytes);
+    else if (!k->row.fits) bw_request_offload(r, drop_refused, reply_refused); /* else what nobody may have would fill the disk */
     else k->then(r);
 }
 
@@ -260,10 +283,12 @@ void bw_http_keep_blob(bw_request *r, const char *sha256, uint64_t bytes, void (
     memcpy(k->owner, r->caller.owner, sizeof k->owner);
     snprintf(k->sha256, sizeof k->sha256, "%s", sha256);
     k->row = (bw_new_blob){.owner = k->owner, .sha256 = k->sha256, .bytes = (int64_t)bytes, .now = bw_now_ms(),
-                           .limits.bytes = (int64_t)r->services->config->owner_bytes, .present = bw_http_has_blob, .user = r->services->store};
+                           .limits.bytes = (int64_t)r->services->config->owner_bytes, .present = is_present, .refused = take_refused, .user = k};
     k->then = then;
+    k->store = r->services->store;
+    k->refused = -1;
     r->state = k;
-    r->state_free = free;
+    r->state_free = keeping_free;
     bw_request_write(r, write_kept, kept);
 }
 

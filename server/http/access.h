@@ -22,7 +22,7 @@ enum { BW_CLIENT_TEXT = 46 };
 const char *bw_http_client(const bw_request *request, char text[BW_CLIENT_TEXT]);
 /* Whose jobs are to be listed, by the query's `owner` and what the caller may see; NULL: everybody's. False after a reply. */
 bool bw_http_owner_wanted(bw_request *request, const char **owner);
-bool bw_http_has_blob(void *store, const char *sha256); /* for bw_submit and bw_new_blob */
+bool bw_http_has_blob(void *store, const char *sha256); /* for bw_submit */
 /* Has the caller this blob? What others have uploaded is as if it were not there. A descriptor for reading, or -1: errno is
  * ENOENT if not, else it may have it. *fresh: it was uploaded or named so lately that it stays for half of keep-uploads, whatever comes. */
 int bw_http_open_blob(const bw_request *request, const char *sha256, uint64_t *bytes, bool *fresh);

@@ -326,6 +326,8 @@ typedef struct {
     int64_t bytes, now;
     bw_limits limits, in_force;
     bool (*present)(void *user, const char *sha256); /* as with bw_submit */
+    /* It does not fit, and nobody has it; within the write, as with bw_collect.take. May be NULL. */
+    void (*refused)(void *user, const char *sha256);
     void *user;
     bool fits, lacking; /* it does not fit, it is not there (any more): nothing is noted */
 } bw_new_blob;

@@ -2,8 +2,9 @@
  *
  * Invariants
  *  1. Rows go in small transactions of the writer thread, each of at most BW_COLLECT_ROWS looked at, so that accepts get their turn between them.
- *  2. The file of a blob or of an output leaves its name within the transaction that deletes its last row (`take`), and nowhere else while the
- *     daemon runs. So a write that finds the file in its place (bw_submit.present, bw_new_blob.present) keeps it: writes come one after another, and
+ *  2. The file of a blob or of an output leaves its name within the transaction that deletes its last row (`take`), or that refuses it its
+ *     first one (bw_new_blob.refused), and nowhere else while the daemon runs. So a write that finds the file in its place
+ *     (bw_submit.present, bw_new_blob.present) keeps it: writes come one after another, and
  *     the row that the write makes or touches is seen by every later collection. If the commit fails after `take`, a row without its
  *     file stays; such rows are forgotten when they are met (dispatch/choose.c) or at the next start (reconcile.c).
  *  3. Never taken: an output that a job's results are (jobs.result_key), or that a job which has not ended reads next (jobs.state_key); a blob

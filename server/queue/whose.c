@@ -26,6 +26,14 @@ bw_status bw_queue_owns_blob(bw_queue *q, const char *owner, const char *sha256,
     return status;
 }
 
+/* Its file belongs to nobody, unless another owner has it too. */
+static bw_status refuse(bw_writer *w, const bw_new_blob *b) {
+    int64_t owned;
+    bw_status status = bw_sql_number(&w->sql, &owned, 0, "SELECT 1 FROM blobs WHERE sha256 = ? LIMIT 1", "s", b->sha256);
+    if (status == BW_OK && !owned && b->refused) b->refused(b->user, b->sha256);
+    return status;
+}
+
 bw_status bw_write_blob(bw_writer *w, void *user) {
     bw_new_blob *b = user;
     bw_owner has;
@@ -40,6 +48,6 @@ bw_status bw_write_blob(bw_writer *w, void *user) {
         status = bw_owner_read(&w->sql, b->owner, &has);
         b->fits = added == 0 || has.bytes + added <= b->in_force.bytes;
     }
-    if (status != BW_OK || !b->fits) return status;
-    return bw_owner_use_blob(w, b->owner, b->sha256, b->bytes, b->now);
+    if (status == BW_OK && !b->fits) return refuse(w, b);
+    return status != BW_OK ? status : bw_owner_use_blob(w, b->owner, b->sha256, b->bytes, b->now);
 }

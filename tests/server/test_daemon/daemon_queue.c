@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "daemon_kit.h"
@@ -227,6 +228,26 @@ static void more_than_an_owner_may_have_is_429_with_retry_after(void **state) {
     kit_expect_problem(r, 429, "too-many-bytes");
 }
 
+/* Two that fit when they begin, and not both when they end. */
+static void what_turned_out_too_large_does_not_stay_on_the_disk(void **state) {
+    (void)state;
+    static const char slow[] = "# fifty bytes, which come slowly and do not fit..\n", fast[] = "# twenty-one bytes..\n";
+    char hash[BW_SHA256_TEXT], file[400], text[600];
+    kit_hash(slow, 50, hash);
+    snprintf(file, sizeof file, "%s/blobs/%.2s/%s", d.data, hash, hash);
+    int n = snprintf(text, sizeof text, "PUT /v1/blobs/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 50\r\nConnection: close\r\n\r\n%.10s", hash, slow);
+    int fd = kit_connect(&d, text, (size_t)n);
+    snprintf(text, sizeof text, "%s/tmp/upload.0", d.data);
+    for (int i = 0; i < 1000 && access(text, F_OK) != 0; i++) kit_sleep_ms(10); /* it has begun */
+    kit_upload(&d, fast, hash);
+    assert_int_equal(send(fd, slow + 10, 40, 0), 40);
+    ssize_t got = recv(fd, text, sizeof text - 1, 0);
+    assert_true(got > 12);
+    assert_memory_equal(text, "HTTP/1.1 429", 12);
+    close(fd);
+    assert_int_not_equal(access(file, F_OK), 0);
+}
+
 /* ---- retry and removal ---- */
 
 static void a_failed_job_is_tried_again_and_its_attempts_go_on(void **state) {
@@ -302,6 +323,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_batch_is_accepted_whole_or_not_at_all, start, stop),
         cmocka_unit_test_setup_teardown(a_batch_may_have_a_thousand_jobs_and_a_megabyte, start, stop),
         cmocka_unit_test_setup_teardown(more_than_an_owner_may_have_is_429_with_retry_after, start_with_limits, stop),
+        cmocka_unit_test_setup_teardown(what_turned_out_too_large_does_not_stay_on_the_disk, start_with_limits, stop),
         cmocka_unit_test_setup_teardown(a_failed_job_is_tried_again_and_its_attempts_go_on, start, stop),
         cmocka_unit_test_setup_teardown(a_cancelled_job_is_tried_again_to_its_end, start, stop),
         cmocka_unit_test_setup_teardown(a_deleted_job_is_410_by_every_verb, start, stop),
