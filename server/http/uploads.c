@@ -182,7 +182,10 @@ static void drop_state(bw_request *r) {
 
 static upload_state *new_state(bw_request *r) {
     upload_state *s = calloc(1, sizeof *s);
-    if (!s) bw_reply_json(r, 500, NULL);
+    if (!s) {
+        bw_reply_json(r, 500, NULL);
+        return NULL;
+    }
     r->state = s;
     r->state_free = let_go;
     return s;
