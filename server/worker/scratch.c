@@ -7,35 +7,58 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { DEPTH_MOST = 8, ENTRY_BYTES = 4096 };
+enum { DEPTH_MOST = 8, ENTRY_BYTES = 4096, ENTRIES_MOST = 20000 };
 
-static uint64_t below(int folder, uint64_t most, int depth);
+typedef struct {
+    uint64_t bytes, most;
+    int entries;
+} count;
 
-static uint64_t entry_bytes(int folder, const char *name, uint64_t most, int depth) {
-    struct stat st;
-    if (fstatat(folder, name, &st, AT_SYMLINK_NOFOLLOW) != 0) return 0; /* gone meanwhile */
-    if (!S_ISDIR(st.st_mode)) return ENTRY_BYTES + (uint64_t)st.st_size;
-    if (depth == DEPTH_MOST) return UINT64_MAX / 2;
-    int inner = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (inner < 0 && errno == EACCES) return UINT64_MAX / 2; /* one that hides what it holds */
-    return ENTRY_BYTES + (inner < 0 ? 0 : below(inner, most, depth + 1));
+static void add_folder(count *c, int folder, int depth);
+
+/* What cannot be looked at may hold anything, unless it has gone meanwhile. */
+static void add_unknown(count *c) {
+    if (errno != ENOENT) c->bytes = UINT64_MAX;
 }
 
-/* Closes `folder`. */
-static uint64_t below(int folder, uint64_t most, int depth) {
-    uint64_t bytes = 0;
-    DIR *entries = fdopendir(folder);
-    if (!entries) {
-        close(folder);
-        return 0;
+static void add_entry(count *c, int folder, const char *name, int depth) {
+    struct stat st;
+    c->bytes += ENTRY_BYTES;
+    if (++c->entries > ENTRIES_MOST) {
+        c->bytes = UINT64_MAX;
+    } else if (fstatat(folder, name, &st, AT_SYMLINK_NOFOLLOW) != 0) {
+        add_unknown(c);
+    } else if (!S_ISDIR(st.st_mode)) {
+        c->bytes += (uint64_t)st.st_size;
+    } else if (depth == DEPTH_MOST) {
+        c->bytes = UINT64_MAX;
+    } else {
+        add_folder(c, openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), depth + 1);
     }
-    for (struct dirent *e; bytes <= most && (e = readdir(entries));)
-        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) bytes += entry_bytes(folder, e->d_name, most, depth);
+}
+
+/* Closes `folder`; negative: it could not be opened. */
+static void add_folder(count *c, int folder, int depth) {
+    DIR *entries = folder < 0 ? NULL : fdopendir(folder);
+    if (!entries) {
+        add_unknown(c);
+        if (folder >= 0) close(folder);
+        return;
+    }
+    while (c->bytes <= c->most) {
+        errno = ENOENT; /* the end of a folder is no error */
+        struct dirent *e = readdir(entries);
+        if (!e) {
+            add_unknown(c);
+            break;
+        }
+        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) add_entry(c, folder, e->d_name, depth);
+    }
     closedir(entries);
-    return bytes;
 }
 
 uint64_t bw_scratch_bytes(int folder, uint64_t most) {
-    int again = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    return again < 0 ? 0 : below(again, most, 0);
+    count c = {.most = most};
+    add_folder(&c, openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC), 0);
+    return c.bytes;
 }

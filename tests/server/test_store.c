@@ -17,7 +17,6 @@
 
 #include "server/files.h"
 #include "server/store.h"
-#include "server/worker/scratch.h"
 
 static char folder[64], command[400];
 static bw_store *store;
@@ -235,19 +234,6 @@ static void a_tree_goes_however_deep_it_is_and_whatever_its_rights(void **state)
     assert_true(holds_for_a_user(a_deep_tree_goes));
 }
 
-static bool a_hidden_folder_is_too_much(void) {
-    int attempt = mkdir("attempt", 0700) == 0 ? open("attempt", O_RDONLY | O_DIRECTORY) : -1;
-    bool made = mkdir("attempt/empty", 0700) == 0 && bw_scratch_bytes(attempt, 1 << 20) < 1 << 20 && mkdir("attempt/hidden", 0300) == 0;
-    bool much = made && bw_scratch_bytes(attempt, 1 << 20) > 1 << 20;
-    close(attempt);
-    return much;
-}
-
-static void a_folder_that_cannot_be_listed_is_more_than_any_limit(void **state) {
-    (void)state;
-    assert_true(holds_for_a_user(a_hidden_folder_is_too_much));
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_blob_is_there_after_its_upload_and_says_its_hash, open_store, close_store),
@@ -257,7 +243,6 @@ int main(void) {
         cmocka_unit_test_setup_teardown(more_results_than_any_stage_writes_are_refused_without_reading_all, open_store, close_store),
         cmocka_unit_test_setup_teardown(folders_of_blobs_and_outputs_are_there_from_the_start, open_store, close_store),
         cmocka_unit_test_setup_teardown(a_tree_goes_however_deep_it_is_and_whatever_its_rights, open_store, close_store),
-        cmocka_unit_test_setup_teardown(a_folder_that_cannot_be_listed_is_more_than_any_limit, open_store, close_store),
         cmocka_unit_test_setup_teardown(a_start_deletes_temporaries_and_a_sweep_what_has_no_row, open_store, close_store),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
