@@ -44,12 +44,25 @@ static void attempt_path(const bw_store *store, const char *job, int attempt, co
     snprintf(path, PATH_MAX, "%s/work/%s.%d%s", store->root, job, attempt, name);
 }
 
+/* Which of DATA/<kind>/00 to ff are there. */
+static void look_at_fan(const char *path, bool there[256]) {
+    DIR *folder = opendir(path);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        const char *name = entry->d_name;
+        if (entry->d_type == DT_DIR && strspn(name, "0123456789abcdef") == 2 && !name[2]) there[strtoul(name, NULL, 16)] = true;
+    }
+    if (folder) closedir(folder);
+}
+
 /* DATA/<kind>/00 to ff, synced, though a daemon that was killed may have made them and not got so far. */
 static bw_status make_fan(const char *data, const char *kind) {
+    bool there[256] = {false};
     char path[PATH_MAX];
+    snprintf(path, sizeof path, "%.3800s/%s", data, kind);
+    look_at_fan(path, there);
     for (unsigned i = 0; i < 256; i++) {
         snprintf(path, sizeof path, "%.3800s/%s/%02x", data, kind, i);
-        if (mkdir(path, 0700) != 0 && errno != EEXIST) return BW_E_IO;
+        if (!there[i] && mkdir(path, 0700) != 0 && errno != EEXIST) return BW_E_IO;
     }
     snprintf(path, sizeof path, "%.3800s/%s", data, kind);
     return bw_sync_path(path);
