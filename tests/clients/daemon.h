@@ -73,6 +73,26 @@ static inline void daemon_kill(daemon_here *d) {
     d->process = 0;
 }
 
+/* The daemon of a test program, for the setup and teardown of its tests; a setup that has more to do ends with daemon_begin. */
+static daemon_here here;
+
+static inline int daemon_begin(void **state) {
+    (void)state;
+    daemon_start(&here);
+    return 0;
+}
+
+static inline int daemon_end(void **state) {
+    (void)state;
+    return daemon_stop(&here);
+}
+
+/* main() of a test program whose tests all have the daemon: KIT_MAIN with a setup, daemon_begin or one that ends with it. */
+#define DAEMON_MAIN(tests, setup)                                                                                     \
+    int main(void) {                                                                                                  \
+        return kit_exit(cmocka_run_group_tests(tests, setup, daemon_end), sizeof(tests) / sizeof *(tests));           \
+    }
+
 static inline bool daemon_lives(const daemon_here *d) {
     return waitpid(d->process, NULL, WNOHANG) == 0;
 }

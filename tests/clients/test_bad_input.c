@@ -8,8 +8,6 @@
 
 enum { DAMAGED_AT = 5, LINE_BYTES = 200 * 1000 * 1000, NOISE_BYTES = 100000 };
 
-static daemon_here here;
-
 /* A small valid model; `damage` (BW_DAMAGE_COUNT: none) is done to it. */
 static void make_model(const char *path, bw_model_damage_kind damage) {
     bw_context ctx;
@@ -155,22 +153,9 @@ static void the_sh_client_tells_the_same(void **state) {
     }
 }
 
-static int start(void **state) {
-    (void)state;
-    daemon_start(&here);
-    return 0;
-}
-
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bad_input_is_refused_in_place),
-        cmocka_unit_test(bad_input_is_refused_by_the_daemon),
-        cmocka_unit_test(the_sh_client_tells_the_same),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(bad_input_is_refused_in_place),
+    cmocka_unit_test(bad_input_is_refused_by_the_daemon),
+    cmocka_unit_test(the_sh_client_tells_the_same),
+};
+DAEMON_MAIN(tests, daemon_begin)

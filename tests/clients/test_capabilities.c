@@ -6,8 +6,6 @@
 
 #include "clients/daemon.h"
 
-static daemon_here here;
-
 static kit_result capabilities(const char *option) {
     kit_result r = kit_run((const char *[]){kit_program("blockwright"), "capabilities", "--server", here.url, option, NULL});
     if (r.exit != 0) fail_msg("exit %d\n%s", r.exit, r.err);
@@ -105,24 +103,15 @@ static void limits_are_those_that_are_set(void **state) {
 }
 
 static int start(void **state) {
-    (void)state;
     setenv("BLOCKWRIGHT_OWNER_JOBS", "1717", 1);
     setenv("BLOCKWRIGHT_STAGE_WALL_SECONDS", "321", 1);
-    daemon_start(&here);
-    return 0;
+    return daemon_begin(state);
 }
 
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_document_is_the_daemons),
-        cmocka_unit_test(every_option_is_a_line_with_all_its_words_and_its_default),
-        cmocka_unit_test(stages_come_in_their_order),
-        cmocka_unit_test(limits_are_those_that_are_set),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(the_document_is_the_daemons),
+    cmocka_unit_test(every_option_is_a_line_with_all_its_words_and_its_default),
+    cmocka_unit_test(stages_come_in_their_order),
+    cmocka_unit_test(limits_are_those_that_are_set),
+};
+DAEMON_MAIN(tests, start)

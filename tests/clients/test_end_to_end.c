@@ -8,7 +8,6 @@
 
 enum { WORDS = 24, ID_MAX = 65 };
 
-static daemon_here here;
 static const char *part; /* the input all tests use */
 
 /* Files whose bytes must not depend on where a job ran (report.json holds times). */
@@ -445,42 +444,33 @@ static void a_job_outlives_a_kill_of_its_daemon(void **state) {
 }
 
 static int start(void **state) {
-    (void)state;
     part = kit_temp_path("part.hexex");
     kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "--noise", "0.5",
                                             "--perturb", "1e-6", "--scramble", "cells", "-o", part, NULL});
     if (r.exit != 0) fail_msg("sample: exit %d\n%s", r.exit, r.err);
     kit_result_clear(&r);
-    daemon_start(&here);
-    return 0;
+    return daemon_begin(state);
 }
 
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(both_clients_bring_home_what_a_local_run_makes),
-        cmocka_unit_test(the_number_of_threads_changes_nothing),
-        cmocka_unit_test(options_reach_the_job),
-        cmocka_unit_test(a_hex_mesh_comes_home_as_a_local_run_makes_it),
-        cmocka_unit_test(a_mesh_of_hexes_is_decomposed),
-        cmocka_unit_test(a_folded_map_is_refused_by_place_or_repaired),
-        cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
-        cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),
-        cmocka_unit_test(names_survive_quotes_braces_and_backslashes),
-        cmocka_unit_test(a_job_that_is_not_there_is_exit_3),
-        cmocka_unit_test(a_cancelled_job_is_exit_4),
-        cmocka_unit_test(a_failed_job_is_tried_again),
-        cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
-        cmocka_unit_test(limits_reach_the_job_and_end_it),
-        cmocka_unit_test(a_job_is_pinned_and_unpinned),
-        cmocka_unit_test(a_search_is_finished_by_either_client),
-        cmocka_unit_test(the_log_is_there),
-        cmocka_unit_test(the_log_is_followed_to_the_end),
-        cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(both_clients_bring_home_what_a_local_run_makes),
+    cmocka_unit_test(the_number_of_threads_changes_nothing),
+    cmocka_unit_test(options_reach_the_job),
+    cmocka_unit_test(a_hex_mesh_comes_home_as_a_local_run_makes_it),
+    cmocka_unit_test(a_mesh_of_hexes_is_decomposed),
+    cmocka_unit_test(a_folded_map_is_refused_by_place_or_repaired),
+    cmocka_unit_test(a_job_that_stops_early_has_nothing_to_fetch),
+    cmocka_unit_test(an_option_the_daemon_refuses_is_exit_2),
+    cmocka_unit_test(names_survive_quotes_braces_and_backslashes),
+    cmocka_unit_test(a_job_that_is_not_there_is_exit_3),
+    cmocka_unit_test(a_cancelled_job_is_exit_4),
+    cmocka_unit_test(a_failed_job_is_tried_again),
+    cmocka_unit_test(a_key_submits_once_and_an_ended_job_is_removed),
+    cmocka_unit_test(limits_reach_the_job_and_end_it),
+    cmocka_unit_test(a_job_is_pinned_and_unpinned),
+    cmocka_unit_test(a_search_is_finished_by_either_client),
+    cmocka_unit_test(the_log_is_there),
+    cmocka_unit_test(the_log_is_followed_to_the_end),
+    cmocka_unit_test(a_job_outlives_a_kill_of_its_daemon),
+};
+DAEMON_MAIN(tests, start)

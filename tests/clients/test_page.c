@@ -6,8 +6,6 @@
 #include "hex/quality.h"
 #include "hex/skin.h"
 
-static daemon_here here;
-
 static void write_bwh(bw_context *ctx, const bw_hex_mesh *mesh, const char *path, size_t *quads) {
     uint64_t bytes;
     bw_hex_skin skin;
@@ -131,20 +129,9 @@ static void a_browser_shows_jobs_their_reports_and_meshes(void **state) {
     free(folder), free(large), free(damaged);
 }
 
-static int start(void **state) {
-    (void)state;
-    daemon_start(&here);
-    return 0;
-}
-
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
 static const struct CMUnitTest tests[] = {
     cmocka_unit_test(numbers_and_reports_are_told_as_people_read_them),
     cmocka_unit_test(skin_layers_quality_and_irregular_edges_are_those_of_the_core),
-    cmocka_unit_test_setup_teardown(a_browser_shows_jobs_their_reports_and_meshes, start, stop),
+    cmocka_unit_test_setup_teardown(a_browser_shows_jobs_their_reports_and_meshes, daemon_begin, daemon_end),
 };
 KIT_MAIN(tests)

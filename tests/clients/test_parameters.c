@@ -10,7 +10,6 @@
 
 enum { WORDS = 14 };
 
-static daemon_here here;
 static const char *part, *mesh, *meshb, *parameters, *others; /* others: parameters of another map of the same mesh */
 
 /* Files whose bytes must not depend on where a job ran, nor on the format (report.json holds times). */
@@ -116,7 +115,6 @@ static const char *write_bytes(const char *name, kit_bytes bytes) {
 }
 
 static int start(void **state) {
-    (void)state;
     bw_context ctx;
     bw_tet_mesh m;
     part = kit_temp_path("part.hexex");
@@ -132,21 +130,13 @@ static int start(void **state) {
     for (size_t i = 0; i < 12 * m.tet_count; i++) m.parameter[i / 12][i % 12 / 3][i % 3] *= 2;
     others = write_bytes("other.parameters", write_parameters(&m));
     bw_tet_mesh_clear(&ctx, &m);
-    daemon_start(&here);
-    return 0;
+    return daemon_begin(state);
 }
 
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(two_files_give_the_bytes_of_one),
-        cmocka_unit_test(another_map_of_the_same_mesh_is_another_job),
-        cmocka_unit_test(what_does_not_belong_together_is_refused),
-        cmocka_unit_test(what_is_wrong_in_them_is_told_of_them),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(two_files_give_the_bytes_of_one),
+    cmocka_unit_test(another_map_of_the_same_mesh_is_another_job),
+    cmocka_unit_test(what_does_not_belong_together_is_refused),
+    cmocka_unit_test(what_is_wrong_in_them_is_told_of_them),
+};
+DAEMON_MAIN(tests, start)

@@ -13,8 +13,6 @@ enum { SIZE = 70 << 20, QUOTA = 20 << 20 };
 static const char *const kinds[] = {"HEAD /v1/blobs/", "POST /v1/uploads ", "HEAD /v1/uploads/", "PATCH /v1/uploads/", "PUT /v1/blobs/", "POST /v1/jobs "};
 enum { KINDS = sizeof kinds / sizeof *kinds };
 
-static daemon_here here;
-
 /* Between client and daemon, for one connection after the other. */
 typedef struct {
     int64_t quota;      /* bytes of the client after which a connection is broken; 0: none is */
@@ -354,28 +352,15 @@ static void a_job_is_watched_past_every_break_to_its_end(void **state) {
     free(id);
 }
 
-static int start(void **state) {
-    (void)state;
-    daemon_start(&here);
-    return 0;
-}
-
-static int stop(void **state) {
-    (void)state;
-    return daemon_stop(&here);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_upload_goes_on_after_every_break),
-        cmocka_unit_test(an_upload_outlives_a_kill_of_its_daemon),
-        cmocka_unit_test(a_daemon_that_takes_no_such_upload_gets_it_in_one),
-        cmocka_unit_test(every_request_of_an_upload_is_tried_again),
-        cmocka_unit_test(a_small_file_is_sent_again_and_not_before_the_daemon_wants_it),
-        cmocka_unit_test(a_job_whose_answer_was_lost_is_one_job),
-        cmocka_unit_test(a_daemon_that_wants_to_be_left_alone_for_long_is),
-        cmocka_unit_test(a_log_is_followed_past_every_break_without_loss_or_repetition),
-        cmocka_unit_test(a_job_is_watched_past_every_break_to_its_end),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, start, stop), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(an_upload_goes_on_after_every_break),
+    cmocka_unit_test(an_upload_outlives_a_kill_of_its_daemon),
+    cmocka_unit_test(a_daemon_that_takes_no_such_upload_gets_it_in_one),
+    cmocka_unit_test(every_request_of_an_upload_is_tried_again),
+    cmocka_unit_test(a_small_file_is_sent_again_and_not_before_the_daemon_wants_it),
+    cmocka_unit_test(a_job_whose_answer_was_lost_is_one_job),
+    cmocka_unit_test(a_daemon_that_wants_to_be_left_alone_for_long_is),
+    cmocka_unit_test(a_log_is_followed_past_every_break_without_loss_or_repetition),
+    cmocka_unit_test(a_job_is_watched_past_every_break_to_its_end),
+};
+DAEMON_MAIN(tests, daemon_begin)
