@@ -1,22 +1,10 @@
 /* blockwright cancel: asks a job to stop. */
-#include <stdio.h>
-
 #include "remote.h"
 
 static const cli_option options[] = {CLI_REMOTE_OPTIONS(cli_job_settings)};
 
 static int cancel(cli_http *http, const char *id) {
-    char path[128];
-    int code = CLI_DONE;
-    snprintf(path, sizeof path, "/v1/jobs/%s/cancel", id);
-    json_t *job = cli_http_json(http, "POST", path, NULL, &code);
-    if (!job) return code;
-    bool stopping = json_is_true(json_object_get(job, "cancelling"));
-    printf("%s ", id);
-    cli_print_safe(stdout, stopping ? "cancelling" : cli_text_of(job, "state"));
-    putchar('\n');
-    json_decref(job);
-    return code;
+    return cli_ask_of_job(http, id, "cancel", "cancelling");
 }
 
 static int run(const cli_command *self, int argc, char **argv) {

@@ -180,14 +180,15 @@ static void print_all(const char *server, const json_t *all) {
     print_sandbox(json_object_get(all, "worker"));
 }
 
-static int show(cli_http *http, bool as_json) {
+static int show(cli_http *http, const void *of) {
+    const settings *s = of;
     cli_reply reply;
     int code = CLI_DONE;
     if (!cli_http_call(http, "GET", "/v1/capabilities", NULL, &reply)) return cli_http_failed(http);
     json_t *all = reply.status == 200 && reply.body ? json_loads(reply.body, 0, NULL) : NULL;
     if (!json_is_object(all)) {
         code = cli_http_refused(http, &reply);
-    } else if (as_json) {
+    } else if (s->json) {
         cli_print_lines(stdout, reply.body, reply.size);
         if (reply.body[reply.size - 1] != '\n') putchar('\n');
     } else {
@@ -199,13 +200,7 @@ static int show(cli_http *http, bool as_json) {
 }
 
 static int run(const cli_command *self, int argc, char **argv) {
-    settings s = {0};
-    cli_operands operands;
-    if (!cli_parse(self, argc, argv, &s, &operands, 0, 0)) return CLI_USAGE;
-    cli_http *http = cli_http_open(&s.remote);
-    int code = show(http, s.json);
-    cli_http_close(http);
-    return code;
+    return cli_run_on_daemon(self, argc, argv, &(settings){0}, show);
 }
 
 const cli_command cli_command_capabilities = {

@@ -1,22 +1,10 @@
 /* blockwright finish: asks a job to settle for the best its search has found so far. */
-#include <stdio.h>
-
 #include "remote.h"
 
 static const cli_option options[] = {CLI_REMOTE_OPTIONS(cli_job_settings)};
 
 static int finish(cli_http *http, const char *id) {
-    char path[128];
-    int code = CLI_DONE;
-    snprintf(path, sizeof path, "/v1/jobs/%s/finish", id);
-    json_t *job = cli_http_json(http, "POST", path, NULL, &code);
-    if (!job) return code;
-    bool noted = json_is_true(json_object_get(job, "finishing"));
-    printf("%s ", id);
-    cli_print_safe(stdout, noted ? "finishing" : cli_text_of(job, "state"));
-    putchar('\n');
-    json_decref(job);
-    return code;
+    return cli_ask_of_job(http, id, "finish", "finishing");
 }
 
 static int run(const cli_command *self, int argc, char **argv) {

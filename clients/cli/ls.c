@@ -50,7 +50,8 @@ static bool page_path(char *path, size_t size, const settings *s, int64_t left, 
            (!*cursor || add_query(path, size, "cursor", cursor));
 }
 
-static int list(cli_http *http, const settings *s) {
+static int list(cli_http *http, const void *of) {
+    const settings *s = of;
     char path[1024], cursor[256] = "";
     int64_t left = s->limit;
     int code = CLI_DONE;
@@ -69,13 +70,7 @@ static int list(cli_http *http, const settings *s) {
 }
 
 static int run(const cli_command *self, int argc, char **argv) {
-    settings s = {.limit = 50};
-    cli_operands operands;
-    if (!cli_parse(self, argc, argv, &s, &operands, 0, 0)) return CLI_USAGE;
-    cli_http *http = cli_http_open(&s.remote);
-    int code = list(http, &s);
-    cli_http_close(http);
-    return code;
+    return cli_run_on_daemon(self, argc, argv, &(settings){.limit = 50}, list);
 }
 
 const cli_command cli_command_ls = {

@@ -34,5 +34,11 @@ typedef struct {
     cli_remote remote;
 } cli_job_settings;
 int cli_run_on_job(const cli_command *self, int argc, char **argv, int (*act)(cli_http *http, const char *id));
+/* The same of a command without operands, whose settings begin with a cli_remote. */
+int cli_run_on_daemon(const cli_command *self, int argc, char **argv, void *settings, int (*act)(cli_http *http, const void *settings));
+
+/* Asks for something of a job (POST /v1/jobs/ID/VERB), and prints its id and state, or `pending` in the state's place if that member of the
+ * answer is true (NULL: there is no such member). Returns the exit code. */
+int cli_ask_of_job(cli_http *http, const char *id, const char *verb, const char *pending);
 
 #endif

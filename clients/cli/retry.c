@@ -1,21 +1,10 @@
 /* blockwright retry: puts a job that failed or was cancelled back into the queue. */
-#include <stdio.h>
-
 #include "remote.h"
 
 static const cli_option options[] = {CLI_REMOTE_OPTIONS(cli_job_settings)};
 
 static int retry(cli_http *http, const char *id) {
-    char path[128];
-    int code = CLI_DONE;
-    snprintf(path, sizeof path, "/v1/jobs/%s/retry", id);
-    json_t *job = cli_http_json(http, "POST", path, NULL, &code);
-    if (!job) return code;
-    printf("%s ", id);
-    cli_print_safe(stdout, cli_text_of(job, "state"));
-    putchar('\n');
-    json_decref(job);
-    return code;
+    return cli_ask_of_job(http, id, "retry", NULL);
 }
 
 static int run(const cli_command *self, int argc, char **argv) {
