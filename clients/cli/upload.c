@@ -168,8 +168,7 @@ int cli_upload(cli_http *http, const char *name, bool quiet, char hash[CLI_HASH_
     cli_progress_open(&t.progress, quiet);
     snprintf(t.blob, sizeof t.blob, "/v1/blobs/%s", hash);
     if (!cli_persist(&t.persistence, send_look, &t, &reply, &code)) goto out;
-    if (reply.status == 404) code = bring(&t);
-    else if (reply.status != 200) code = cli_http_refused(http, &reply);
+    if (reply.status != 200) code = bring(&t); /* an answer to HEAD has no words for what is wrong; sending it tells */
     cli_reply_clear(&reply);
 out:
     if (t.file) fclose(t.file);

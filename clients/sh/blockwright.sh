@@ -273,7 +273,7 @@ upload() {
     hash=$(sha256sum <"$1") || exit 5
     hash=${hash%% *}
     request HEAD "/v1/blobs/$hash" || silent
-    if [ "$status" = 404 ]; then
+    if [ "$status" != 200 ]; then # an answer to HEAD has no words for what is wrong; sending it tells
         request PUT "/v1/blobs/$hash" -T "$1" -H 'Content-Type: application/octet-stream' || silent
     fi
     case $status in
