@@ -85,12 +85,19 @@ def complete(doc):
 
 
 def queries(doc):
-    for path, item in doc["paths"].items():
+    """The names that may stand in an operation's query; of an exploded object those of its members."""
+    for item in doc["paths"].values():
         for method in METHODS:
-            names = [resolve(doc, p)["name"] for p in item.get(method, {}).get("parameters", [])
-                     if resolve(doc, p)["in"] == "query"]
-            if method in item:
-                yield item[method]["operationId"], names
+            if method not in item:
+                continue
+            names = []
+            for parameter in (resolve(doc, p) for p in item[method].get("parameters", [])):
+                if parameter["in"] == "query":
+                    schema = resolve(doc, parameter["schema"])
+                    names += schema["properties"] if schema.get("type") == "object" else [parameter["name"]]
+            if len(set(names)) != len(names):
+                die("%s: a name stands twice for something in its query" % item[method]["operationId"])
+            yield item[method]["operationId"], names
 
 
 def option_rows(doc):

@@ -123,6 +123,35 @@ fail:
     return false;
 }
 
+bool bw_joboptions_has(const char *name) { return find(name); }
+
+json_t *bw_joboptions_scalar(const char *text) {
+    json_t *value = json_loads(text, JSON_DECODE_ANY, NULL);
+    if (json_is_number(value) || json_is_boolean(value)) return value;
+    json_decref(value);
+    return json_string(text);
+}
+
+static json_t *list_value(const bw_api_option *option, const char *text) {
+    json_t *list = json_array();
+    for (const char *at = text; list && *text && at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
+        char *word = strndup(at, strcspn(at, ","));
+        json_t *item = !word ? NULL : option->kind == BW_OPTION_NUMBERS ? bw_joboptions_scalar(word) : json_string(word);
+        free(word);
+        if (json_array_append_new(list, item) == 0) continue;
+        json_decref(list);
+        return NULL;
+    }
+    return list;
+}
+
+json_t *bw_joboptions_value(const char *name, const char *text) {
+    const bw_api_option *option = find(name);
+    if (!option) return NULL;
+    if (option->kind == BW_OPTION_NUMBERS || option->kind == BW_OPTION_ENUMS) return list_value(option, text);
+    return option->kind == BW_OPTION_ENUM ? json_string(text) : bw_joboptions_scalar(text);
+}
+
 int bw_joboptions_stages(const json_t *all) {
     const char *until = json_string_value(json_object_get(all, "until"));
     for (int i = 0; i < BW_API_STAGE_COUNT; i++)

@@ -11,6 +11,12 @@
 /* `given`: what the client sent (NULL: nothing). On success *all is a new object with every option, defaults filled in;
  * equal requests give equal objects. Else false, and `detail` names the option at fault. */
 bool bw_joboptions_check(const json_t *given, json_t **all, char *detail, size_t size);
+bool bw_joboptions_has(const char *name);
+/* The value that `text` gives the option in a query, as bw_joboptions_check takes it (and checks it): a number, true or false, a name, lists of them
+ * with commas between. NULL: there is no such option, or no memory. */
+json_t *bw_joboptions_value(const char *name, const char *text);
+/* A number, true or false; other texts as a string. */
+json_t *bw_joboptions_scalar(const char *text);
 /* How many stages a job with these (checked) options runs. */
 int bw_joboptions_stages(const json_t *all);
 /* The name under which the output of `stage` is cached: a hash over the hashes of the input and of its file of parameters ("":

@@ -150,9 +150,9 @@ bw_status bw_upload_finish(bw_upload *u, const char *sha256, bool *matches, char
     bw_status status = BW_OK;
     *matches = false;
     if (!bw_digest_end(u->digest, actual)) status = BW_E_INTERNAL;
-    if (status == BW_OK && strcmp(actual, sha256) == 0) {
+    if (status == BW_OK && (!sha256 || strcmp(actual, sha256) == 0)) {
         char path[PATH_MAX];
-        blob_path(u->store, sha256, path);
+        blob_path(u->store, actual, path);
         status = bw_sync(u->fd, u->path);
         if (status == BW_OK) status = file_away(u->path, path);
         *matches = status == BW_OK;

@@ -40,8 +40,8 @@ uint64_t bw_store_room(const bw_store *store); /* bytes that can still be writte
 /* An upload: begin, write..., then finish or abort (each frees it). errno tells ENOSPC apart. */
 bw_status bw_upload_begin(bw_store *store, bw_upload **upload);
 bw_status bw_upload_write(bw_upload *upload, const void *data, size_t size);
-/* If the content has the hash `sha256`, it is a durable blob afterwards; else *matches is false and it is gone. `actual`
- * gets the hash in both cases. */
+/* If the content has the hash `sha256` (NULL: whatever hash it has), it is a durable blob afterwards; else *matches is false and it is gone.
+ * `actual` gets the hash in both cases. */
 bw_status bw_upload_finish(bw_upload *upload, const char *sha256, bool *matches, char actual[BW_SHA256_TEXT]);
 void bw_upload_abort(bw_upload *upload);
 uint64_t bw_upload_bytes(const bw_upload *upload);

@@ -24,6 +24,7 @@ step upload_patch.sh
 step upload_head.sh
 step upload_delete.sh
 step job_create_parameters.sh
+step job_create_streamed.sh
 step job_create.sh
 step batch_create.sh
 step job_list.sh

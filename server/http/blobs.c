@@ -1,11 +1,11 @@
 #include "server/http/operations.h"
 
 #include <errno.h>
-#include <stdlib.h>
 #include <unistd.h>
 
 #include "server/http/access.h"
 #include "server/http/content.h"
+#include "server/http/receive.h"
 #include "server/http/reply.h"
 #include "server/log.h"
 
@@ -19,37 +19,14 @@ static bool is_hash(bw_request *r) {
     return false;
 }
 
-static bool take_bytes(bw_request *r, const char *data, size_t size) {
-    uint64_t bytes = bw_upload_bytes(r->upload) + size, most = r->services->config->max_upload;
-    if (bytes > most) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
-    else if (!bw_request_room_left(r, bytes, size)) bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
-    else if (bw_upload_write(r->upload, data, size) != BW_OK) bw_reply_storage(r);
-    return !r->reply;
-}
-
 void bw_http_blob_begin(bw_request *r) {
-    const bw_services *s = r->services;
     uint64_t bytes;
     bool fresh = true;
     int fd = -1;
-    if (!is_hash(r)) return;
-    if (!r->has_length) {
-        bw_reply_problem(r, BW_PROBLEM_LENGTH_REQUIRED, "an upload must say its Content-Length");
-    } else if (r->length > s->config->max_upload) {
-        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes",
-                         (unsigned long long)s->config->max_upload);
-    } else if ((fd = bw_http_open_blob(r, r->parameters[0], &bytes, &fresh)) >= 0 && fresh) {
-        close(fd);
-        bw_reply_json(r, 200, blob_json(r->parameters[0], bytes));
-    } else if (bw_store_room(s->store) < r->length + BW_ROOM_KEPT) {
-        bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more",
-                         (unsigned long long)r->length);
-    } else if ((fd >= 0 || bw_http_blob_fits(r, r->length)) && bw_upload_begin(s->store, &r->upload) != BW_OK) {
-        bw_reply_storage(r);
-    } else {
-        r->take = take_bytes; /* also of what is there, but may soon be collected: it comes anew, with a long time to live */
-    }
-    if (fd >= 0 && !fresh) close(fd);
+    if (!is_hash(r) || !bw_http_blob_sized(r)) return;
+    if ((fd = bw_http_open_blob(r, r->parameters[0], &bytes, &fresh)) >= 0 && fresh) bw_reply_json(r, 200, blob_json(r->parameters[0], bytes));
+    else bw_http_receive_blob(r, fd >= 0); /* also what is there, but may soon be collected: it comes anew, with a long time to live */
+    if (fd >= 0) close(fd);
 }
 
 static void stored(bw_request *r) {
@@ -57,30 +34,6 @@ static void stored(bw_request *r) {
     const char *sha256 = bw_http_kept_blob(r, &bytes);
     bw_event(BW_INFO, "blob.stored", "sha256=%s bytes=%llu", sha256, (unsigned long long)bytes);
     bw_reply_json(r, 201, blob_json(sha256, bytes));
-}
-
-typedef struct {
-    uint64_t bytes;
-    bw_status status;
-    bool matches;
-    char actual[BW_SHA256_TEXT];
-} finishing;
-
-static void finish(bw_request *r) {
-    finishing *f = r->state;
-    bw_upload *upload = r->upload;
-    r->upload = NULL; /* finish frees it */
-    f->status = bw_upload_finish(upload, r->parameters[0], &f->matches, f->actual);
-}
-
-static void finished(bw_request *r) {
-    finishing f = *(finishing *)r->state;
-    free(r->state);
-    r->state = NULL;
-    r->state_free = NULL;
-    if (f.status != BW_OK) bw_reply_storage(r);
-    else if (f.matches) bw_http_keep_blob(r, f.actual, f.bytes, stored);
-    else bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the %llu bytes that came have the SHA-256 %s", (unsigned long long)f.bytes, f.actual);
 }
 
 /* Of a coded body the size is known only now. What its owner has already counts once. */
@@ -93,16 +46,7 @@ static bool unpacked_fits(bw_request *r) {
 }
 
 void bw_http_blob_put(bw_request *r) {
-    if (!unpacked_fits(r)) return;
-    finishing *f = calloc(1, sizeof *f);
-    if (!f) {
-        bw_reply_json(r, 500, NULL);
-        return;
-    }
-    f->bytes = bw_upload_bytes(r->upload);
-    r->state = f;
-    r->state_free = free;
-    bw_request_offload(r, finish, finished);
+    if (unpacked_fits(r)) bw_http_store_blob(r, r->parameters[0], stored);
 }
 
 static void reply_head(bw_request *r) {

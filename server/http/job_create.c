@@ -1,4 +1,4 @@
-/* Creating jobs: one (job_create) or many at once (batch_create). */
+/* Creating jobs: one (job_create), of an uploaded input or with it as the body, or many at once (batch_create). */
 #include "server/http/operations.h"
 
 #include <stdio.h>
@@ -9,6 +9,7 @@
 #include "server/clock.h"
 #include "server/http/access.h"
 #include "server/http/job_read.h"
+#include "server/http/receive.h"
 #include "server/http/reply.h"
 #include "server/log.h"
 
@@ -31,19 +32,53 @@ static void submission_free(void *state) {
 
 /* ---- before the body ---- */
 
-static void begin(bw_request *r, size_t most) {
-    static const char json[] = "application/json";
-    const char *type = bw_request_header(r, "Content-Type");
+static bool has_type(const char *type, const char *wanted) {
     size_t n = type ? strcspn(type, "; ") : 0;
-    r->body_most = most;
-    if (r->has_length && r->length > most)
-        bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %zu bytes", most);
-    else if (n != sizeof json - 1 || strncasecmp(type, json, n) != 0)
-        bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "a job is described as %s", json);
+    return n == strlen(wanted) && strncasecmp(type, wanted, n) == 0;
 }
 
-void bw_http_job_create_begin(bw_request *r) { begin(r, BW_BODY_MOST); }
-void bw_http_batch_create_begin(bw_request *r) { begin(r, BATCH_BODY_MOST); }
+static void begin_json(bw_request *r, size_t most) {
+    r->body_most = most;
+    if (r->has_length && r->length > most) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "a body here has at most %zu bytes", most);
+}
+
+static enum MHD_Result refuse_parameter(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
+    (void)kind, (void)value;
+    bw_reply_problem(user, BW_PROBLEM_INVALID_PARAMETER, "%s belongs into the body, if that is JSON", key);
+    return MHD_NO;
+}
+
+/* Whatever is wrong with the description is told before the input is sent. */
+static void begin_input(bw_request *r) {
+    bw_job job = {0};
+    if (!bw_http_blob_sized(r)) return;
+    if (r->length == 0) {
+        bw_reply_problem(r, BW_PROBLEM_EMPTY_INPUT, "the body is to be a job's input, or with Content-Type: application/json its description");
+        return;
+    }
+    json_t *asked = bw_http_query_job(r);
+    if (asked && bw_http_read_description(r, asked, "", &job)) bw_http_receive_blob(r, false);
+    bw_job_clear(&job);
+    json_decref(asked);
+}
+
+void bw_http_job_create_begin(bw_request *r) {
+    const char *type = bw_request_header(r, "Content-Type");
+    if (has_type(type, "application/json")) {
+        MHD_get_connection_values(r->connection, MHD_GET_ARGUMENT_KIND, refuse_parameter, r);
+        if (!r->reply) begin_json(r, BW_BODY_MOST);
+    } else if (!type || has_type(type, "application/octet-stream")) {
+        begin_input(r);
+    } else {
+        bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE,
+                         "a job is described as application/json, or its input is sent as application/octet-stream with the description in the query");
+    }
+}
+
+void bw_http_batch_create_begin(bw_request *r) {
+    if (has_type(bw_request_header(r, "Content-Type"), "application/json")) begin_json(r, BATCH_BODY_MOST);
+    else bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "jobs are described as application/json");
+}
 
 /* ---- reading ---- */
 
@@ -61,8 +96,8 @@ static json_t *read_body(bw_request *r) {
     return body;
 }
 
-/* The request's key, if it has one, and the digest of what it asks for. False after a reply. */
-static bool read_key(bw_request *r, submission *s) {
+/* The request's key, if it has one, and the digest of what it asks for, of which `asked` tells all but the operation. False after a reply. */
+static bool read_key(bw_request *r, submission *s, const char *asked, size_t size) {
     const char *key = bw_request_header(r, "Idempotency-Key");
     if (!key) return true;
     size_t n = strlen(key);
@@ -75,7 +110,7 @@ static bool read_key(bw_request *r, submission *s) {
     memcpy(s->key, key, n + 1);
     const char *operation = bw_endpoints[r->op].id;
     bw_digest *digest = bw_digest_new();
-    good = digest && bw_digest_add(digest, operation, strlen(operation) + 1) && bw_digest_add(digest, r->body, r->body_size) &&
+    good = digest && bw_digest_add(digest, operation, strlen(operation) + 1) && bw_digest_add(digest, asked, size) &&
            bw_digest_end(digest, s->digest);
     bw_digest_free(digest);
     if (!good) bw_reply_json(r, 500, NULL);
@@ -118,10 +153,10 @@ static char *ids_text(const bw_submit *submit) {
     return text;
 }
 
-static void submit_jobs(bw_request *r, void (*then)(bw_request *)) {
+static void submit_jobs(bw_request *r, const char *asked, size_t size, void (*then)(bw_request *)) {
     submission *s = r->state;
     const bw_config *config = r->services->config;
-    if (!read_key(r, s)) return;
+    if (!read_key(r, s, asked, size)) return;
     s->submit.limits = (bw_limits){.queued = config->owner_jobs, .bytes = (int64_t)config->owner_bytes};
     if (*s->key && !(s->answer = ids_text(&s->submit))) {
         bw_reply_json(r, 500, NULL);
@@ -188,10 +223,33 @@ static void job_created(bw_request *r) {
     bw_http_answer_job(r, 201, id);
 }
 
+static void create(bw_request *r, json_t *described, const char *asked, size_t size) {
+    submission *s = submission_new(r, 1);
+    if (s && add_job(r, s, described, "")) submit_jobs(r, asked, size, job_created);
+}
+
+/* The input has come, is durable and the caller's. */
+static void create_from_query(bw_request *r) {
+    uint64_t bytes;
+    json_t *sha256 = json_string(bw_http_kept_blob(r, &bytes)), *described = bw_http_query_job(r);
+    char *asked = NULL;
+    r->state_free(r->state);
+    r->state = NULL;
+    r->state_free = NULL;
+    if (json_object_set_new(described, "input", sha256) == 0) asked = json_dumps(described, JSON_COMPACT | JSON_SORT_KEYS);
+    if (asked) create(r, described, asked, strlen(asked));
+    else if (!r->reply) bw_reply_json(r, 500, NULL);
+    free(asked);
+    json_decref(described);
+}
+
 void bw_http_job_create(bw_request *r) {
+    if (r->upload) {
+        bw_http_store_blob(r, NULL, create_from_query);
+        return;
+    }
     json_t *body = read_body(r);
-    submission *s = body ? submission_new(r, 1) : NULL;
-    if (s && add_job(r, s, body, "")) submit_jobs(r, job_created);
+    if (body) create(r, body, r->body, r->body_size);
     json_decref(body);
 }
 
@@ -226,6 +284,6 @@ static bool read_batch(bw_request *r, json_t *body) {
 
 void bw_http_batch_create(bw_request *r) {
     json_t *body = read_body(r);
-    if (body && read_batch(r, body)) submit_jobs(r, batch_created);
+    if (body && read_batch(r, body)) submit_jobs(r, r->body, r->body_size, batch_created);
     json_decref(body);
 }

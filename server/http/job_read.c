@@ -17,7 +17,12 @@ enum { NAME_BYTES_MOST = 200 };
 typedef struct {
     bw_request *request;
     const char *place; /* before every message: which job of a batch, "" for a job alone */
+    bw_problem malformed;
 } reading;
+
+static reading begin(bw_request *r, const char *place) {
+    return (reading){r, place, r->body ? BW_PROBLEM_BAD_JSON : BW_PROBLEM_INVALID_PARAMETER};
+}
 
 static bool refuse(const reading *x, bw_problem problem, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
@@ -38,7 +43,7 @@ static bool check_members(const reading *x, json_t *body) {
     json_object_foreach(body, key, value) {
         bool known = false;
         for (size_t i = 0; i < sizeof members / sizeof *members; i++) known = known || strcmp(key, members[i]) == 0;
-        if (!known) return refuse(x, BW_PROBLEM_BAD_JSON, "there is no member '%.60s'", key);
+        if (!known) return refuse(x, x->malformed, "there is no member '%.60s'", key);
     }
     return true;
 }
@@ -49,7 +54,7 @@ static bool read_blob(const reading *x, const json_t *body, const char *member, 
     uint64_t size;
     bool fresh;
     if (!text || !bw_is_sha256(text))
-        return refuse(x, BW_PROBLEM_BAD_JSON, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
+        return refuse(x, x->malformed, "'%s' must be the SHA-256 of an uploaded blob, 64 digits 0-9 a-f", member);
     memcpy(hash, text, BW_SHA256_TEXT);
     int fd = bw_http_open_blob(x->request, hash, &size, &fresh);
     if (fd < 0 && errno != ENOENT) return refuse(x, BW_PROBLEM_IO, "the daemon's storage failed"); /* it may be there */
@@ -63,7 +68,7 @@ static bool read_name(const reading *x, const json_t *body, bw_job *job) {
     const json_t *name = json_object_get(body, "name");
     if (!name) return true;
     if (!json_is_string(name) || json_string_length(name) > NAME_BYTES_MOST)
-        return refuse(x, BW_PROBLEM_BAD_JSON, "'name' must be a string of at most %d bytes", NAME_BYTES_MOST);
+        return refuse(x, x->malformed, "'name' must be a string of at most %d bytes", NAME_BYTES_MOST);
     job->name = strdup(json_string_value(name));
     return true;
 }
@@ -72,14 +77,14 @@ static bool read_priority(const reading *x, const json_t *body, bw_job *job) {
     const json_t *priority = json_object_get(body, "priority");
     json_int_t value = json_integer_value(priority);
     if (priority && (!json_is_integer(priority) || value < -BW_PRIORITY_MOST || value > BW_PRIORITY_MOST))
-        return refuse(x, BW_PROBLEM_BAD_JSON, "'priority' must be a whole number from %d to %d", -BW_PRIORITY_MOST, BW_PRIORITY_MOST);
+        return refuse(x, x->malformed, "'priority' must be a whole number from %d to %d", -BW_PRIORITY_MOST, BW_PRIORITY_MOST);
     job->priority = (int)value;
     return true;
 }
 
 static bool read_pinned(const reading *x, const json_t *body, bw_job *job) {
     const json_t *pinned = json_object_get(body, "pinned");
-    if (pinned && !json_is_boolean(pinned)) return refuse(x, BW_PROBLEM_BAD_JSON, "'pinned' must be true or false");
+    if (pinned && !json_is_boolean(pinned)) return refuse(x, x->malformed, "'pinned' must be true or false");
     job->pinned = json_is_true(pinned);
     return true;
 }
@@ -98,7 +103,7 @@ static bool read_tags(const reading *x, const json_t *body, bw_job *job) {
     bool good = !tags || (json_is_array(tags) && json_array_size(tags) <= BW_TAGS_MOST);
     json_array_foreach(tags, i, tag) good = good && json_is_string(tag) && bw_http_is_tag(json_string_value(tag));
     if (!good)
-        return refuse(x, BW_PROBLEM_BAD_JSON, "'tags' must be a list of at most %d strings of 1 to %d bytes", BW_TAGS_MOST,
+        return refuse(x, x->malformed, "'tags' must be a list of at most %d strings of 1 to %d bytes", BW_TAGS_MOST,
                       BW_TAG_BYTES_MOST);
     if (json_array_size(tags)) job->tags = json_dumps(tags, JSON_COMPACT);
     return true;
@@ -126,10 +131,15 @@ static bool read_options(const reading *x, const json_t *body, bw_job *job) {
     return job->options != NULL;
 }
 
-bool bw_http_read_job(bw_request *r, json_t *body, const char *place, bw_job *job) {
-    const reading x = {r, place};
-    if (!json_is_object(body)) return refuse(&x, BW_PROBLEM_BAD_JSON, "a job is an object");
+bool bw_http_read_description(bw_request *r, json_t *body, const char *place, bw_job *job) {
+    const reading x = begin(r, place);
     return check_members(&x, body) && read_name(&x, body, job) && read_priority(&x, body, job) && read_pinned(&x, body, job) && read_tags(&x, body, job) &&
-           read_options(&x, body, job) && read_limits(&x, body, job) && read_blob(&x, body, "input", job->input, &job->input_bytes) &&
+           read_options(&x, body, job) && read_limits(&x, body, job) &&
            (!json_object_get(body, "parameters") || read_blob(&x, body, "parameters", job->parameters, &job->parameters_bytes));
+}
+
+bool bw_http_read_job(bw_request *r, json_t *body, const char *place, bw_job *job) {
+    const reading x = begin(r, place);
+    if (!json_is_object(body)) return refuse(&x, x.malformed, "a job is an object");
+    return bw_http_read_description(r, body, place, job) && read_blob(&x, body, "input", job->input, &job->input_bytes);
 }

@@ -72,6 +72,12 @@ for path in jobs batches; do
     ask 413 -H "$json" -X POST -H 'Content-Length: 900000000000' -H 'Expect: 100-continue' "$base/v1/$path"
 done
 ask 400 -H "$json" -d "{\"input\": \"$hash\", \"options\": {\"beam\": 0}}" "$jobs"
+ask 400 -X POST -T part.hexex "$jobs?beam=0"
+ask 400 -X POST -T part.hexex "$jobs?what=1"
+ask 411 -X POST "$jobs"
+ask 413 -X POST -H 'Content-Type:' -H 'Content-Length: 9000000000000000000' -H 'Expect: 100-continue' "$jobs"
+ask 422 -X POST -H 'Content-Type:' -d '' "$jobs"
+ask 429 -X POST -T large "$jobs"
 ask 422 -H "$json" -d "{\"input\": \"$zeros\"}" "$jobs"
 ask 422 -H "$json" -d "{\"jobs\": [{\"input\": \"$zeros\"}]}" "$base/v1/batches"
 ask 429 -H "$json" -d "{\"jobs\": [$(yes "{\"input\": \"$hash\"}," | head -n 20) {\"input\": \"$hash\"}]}" "$base/v1/batches"

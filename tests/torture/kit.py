@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 
 FINAL = ("successful", "failed", "dismissed")
 LIBC = ctypes.CDLL(None, use_errno=True)
@@ -369,7 +370,8 @@ class Interface:
         self.idempotency = any(p.get("name", "").lower() == "idempotency-key" for p in parameters)
         self.retry = "/v1/jobs/{id}/retry" in self.document["paths"]
         self.events = "/v1/jobs/{id}/events" in self.document["paths"]
-        self.ways = ["whole"] + ["parts"] * ("/v1/uploads" in self.document["paths"]) + ["batch"] * ("/v1/batches" in self.document["paths"])
+        posts = self.resolve(self.document["paths"]["/v1/jobs"]["post"]["requestBody"])["content"]
+        self.ways = ["whole"] + ["streamed"] * ("application/octet-stream" in posts) + ["parts"] * ("/v1/uploads" in self.document["paths"]) + ["batch"] * ("/v1/batches" in self.document["paths"])
 
     def resolve(self, node):
         for part in node.get("$ref", "#/").split("/")[1:]:
@@ -517,14 +519,19 @@ def upload_in_parts(client, job):
 
 def submit(client, job, key=None, how="whole"):
     """Uploads and creates; True if the job was accepted, False if the daemon said no for a passing reason. how: "whole", "parts"
-    (resumable upload), or "batch" (created together with job.twin)."""
-    if how == "parts":
+    (resumable upload), "streamed" (in one request), or "batch" (created together with job.twin)."""
+    headers = {"Idempotency-Key": key} if key else None
+    if how == "streamed":
+        pass
+    elif how == "parts":
         if not upload_in_parts(client, job):
             return False
     elif passing(client.upload(job.script), "upload", 200, 201):
         return False
-    headers = {"Idempotency-Key": key} if key else None
-    if how == "batch":
+    if how == "streamed":
+        query = "?" + urllib.parse.urlencode(job.document()["options"])
+        reply = client.request("POST", "/v1/jobs" + query, job.script, {**(headers or {}), "Content-Type": "application/octet-stream"})
+    elif how == "batch":
         reply = client.post("/v1/batches", {"jobs": [job.document(), job.twin.document()]}, headers)
     else:
         reply = client.post("/v1/jobs", job.document(), headers)
