@@ -240,6 +240,7 @@ static bw_status recover(bw_writer *w, void *user) {
         "\"detail\":\"the daemon went away too often while this stage ran\"}";
     recovery *r = user;
     int64_t most = BW_INTERRUPTIONS_MOST;
+    int dismissed = 0, failed = 0;
     bw_sql *sql = &w->sql;
     bw_status status = bw_sql_run(sql, &r->recovered, "UPDATE attempts SET finished = ?, outcome = 'interrupted' WHERE finished = 0",
                                   "i", r->now);
@@ -249,13 +250,15 @@ static bw_status recover(bw_writer *w, void *user) {
                             " json_object(" BW_EVENT_DATA("CASE WHEN cancel = 1 THEN 4 WHEN interruptions >= ?1 THEN 3 ELSE 0 END")
                             ", 'outcome', 'interrupted'), ?2 FROM jobs WHERE open = 1", "ii", most, r->now);
     if (status == BW_OK)
-        status = bw_sql_run(sql, NULL, "UPDATE jobs SET open = 0, state = 4, finished = ? WHERE open = 1 AND cancel = 1", "i", r->now);
+        status = bw_sql_run(sql, &dismissed, "UPDATE jobs SET open = 0, state = 4, finished = ? WHERE open = 1 AND cancel = 1", "i", r->now);
     if (status == BW_OK)
-        status = bw_sql_run(sql, NULL, "UPDATE jobs SET open = 0, state = 3, finished = ?, failure = ?"
+        status = bw_sql_run(sql, &failed, "UPDATE jobs SET open = 0, state = 3, finished = ?, failure = ?"
                             " WHERE open = 1 AND interruptions >= ?", "isi", r->now, failure, most);
     if (status == BW_OK)
         status = bw_sql_run(sql, NULL, "UPDATE jobs SET open = 0, state = 0, due = 0, interruptions = interruptions + 1,"
                             " tries = tries - 1 WHERE open = 1", "");
+    w->tally.ended[BW_JOB_DISMISSED] += (unsigned)dismissed;
+    w->tally.ended[BW_JOB_FAILED] += (unsigned)failed;
     return status;
 }
 

@@ -270,6 +270,7 @@ static bw_status fail_lost(bw_writer *w, mending *m) {
         status = bw_sql_run(&w->sql, &n, "UPDATE jobs SET state = 3, stage = 0, state_key = '', result_key = '', finished = ?, failure = ?"
                             " WHERE " LOST, "is", m->now, failure);
     m->mended.jobs_failed = n;
+    w->tally.ended[BW_JOB_FAILED] += (unsigned)n;
     return status;
 }
 

@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "server/files.h"
+#include "server/metrics.h"
 #include "server/queue/queue.h"
 
 static char folder[64], path[96];
@@ -33,6 +34,8 @@ static int close_queue(void **state) {
     bw_remove_tree(folder);
     return 0;
 }
+
+static int64_t ended(bw_job_state state) { return bw_metric_value(BW_METRIC_JOBS_ENDED, (int)state - BW_JOB_SUCCESSFUL, 0); }
 
 static void reopen(void) {
     bw_queue_close(q);
@@ -250,6 +253,7 @@ static void a_daemon_that_dies_of_a_job_again_and_again_gives_it_up(void **state
     (void)state;
     bw_job job;
     int recovered, rounds = 0;
+    int64_t failed = ended(BW_JOB_FAILED);
     insert(&job, 4);
     while (job.state != BW_JOB_FAILED && rounds <= BW_INTERRUPTIONS_MOST) {
         claim(&job);
@@ -260,6 +264,7 @@ static void a_daemon_that_dies_of_a_job_again_and_again_gives_it_up(void **state
     }
     assert_int_equal(rounds, BW_INTERRUPTIONS_MOST + 1);
     assert_int_equal(job.state, BW_JOB_FAILED);
+    assert_int_equal(ended(BW_JOB_FAILED), failed + 1);
     bw_job_clear(&job);
 }
 
@@ -285,7 +290,9 @@ static void cancelling_is_idempotent_in_every_state(void **state) {
         assert_int_equal(result, BW_CANCEL_NOTED);
         expect(job.id, BW_JOB_RUNNING, true, 0);
     }
+    int64_t dismissed = ended(BW_JOB_DISMISSED);
     assert_int_equal(bw_queue_recover(q, 2600, &recovered), BW_OK); /* a noted cancel survives the daemon */
+    assert_int_equal(ended(BW_JOB_DISMISSED), dismissed + 1);
     expect(job.id, BW_JOB_DISMISSED, false, 0);
     bw_job_clear(&job);
     insert(&job, 1);

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "server/clock.h"
+#include "server/metrics.h"
 #include "server/retention.h"
 #include "server/store.h"
 
@@ -476,7 +477,9 @@ static void a_start_puts_rows_and_files_in_pairs_and_fails_what_cannot_be(void *
     assert_int_equal(bw_queue_claim(q, &ended, 100, &done), BW_OK);
     made.key = names[2]; /* its results have no file */
     assert_int_equal(bw_queue_advance(q, ended.id, 1, &made, 200, NULL, &done), BW_OK);
+    int64_t failed = bw_metric_value(BW_METRIC_JOBS_ENDED, BW_JOB_FAILED - BW_JOB_SUCCESSFUL, 0);
     assert_int_equal(bw_reconcile(store, q, 5000), BW_OK);
+    assert_int_equal(bw_metric_value(BW_METRIC_JOBS_ENDED, BW_JOB_FAILED - BW_JOB_SUCCESSFUL, 0), failed + 2);
     assert_false(there("cache", names[3]));
     assert_true(there("blobs", names[0]));
     for (int i = 0; i < 2; i++) {
