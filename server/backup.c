@@ -224,7 +224,6 @@ bw_status bw_backup_restore(const char *file, const char *data, bw_backup_report
     if (status == BW_OK) status = bw_copy_files(fresh, copy_one, &c);
     if (status == BW_OK) status = copy_logs(files, data);
     if (status == BW_OK) status = sync_entries(data);
-    if (status == BW_OK && rename(fresh, database) != 0) status = BW_E_IO; /* last: a folder without it is no whole one */
-    if (status == BW_OK) status = bw_sync_path(data);
+    if (status == BW_OK) status = bw_rename(fresh, database); /* last: a folder without it is no whole one */
     return status == BW_OK ? BW_OK : refuse(error, status, data, "cannot be filled");
 }

@@ -121,6 +121,8 @@ bw_status bw_remove_tree(const char *path) {
     return status == BW_OK && rmdir(path) != 0 ? BW_E_IO : status;
 }
 
+bw_status bw_rename(const char *from, const char *to) { return rename(from, to) == 0 ? sync_parent(to) : BW_E_IO; }
+
 bw_status bw_write_file(const char *path, const char *data, size_t size) {
     char temporary[PATH_MAX];
     if (snprintf(temporary, sizeof temporary, "%s.new", path) >= (int)sizeof temporary) return BW_E_IO;
@@ -128,8 +130,7 @@ bw_status bw_write_file(const char *path, const char *data, size_t size) {
     if (fd < 0) return BW_E_IO;
     bw_status status = write(fd, data, size) == (ssize_t)size ? bw_sync(fd, temporary) : BW_E_IO;
     close(fd);
-    if (status == BW_OK && rename(temporary, path) != 0) status = BW_E_IO;
-    return status == BW_OK ? sync_parent(path) : status;
+    return status == BW_OK ? bw_rename(temporary, path) : status;
 }
 
 int bw_lock_file(const char *path) {

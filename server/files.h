@@ -19,6 +19,7 @@ void bw_write_behind(int fd, uint64_t *begun, uint64_t written);
 bw_status bw_make_dir(const char *path);             /* fine if it is there; the parent is synced if it was made */
 /* Fine if it is not there. However deep the tree is and whatever rights its folders have: a worker may have made it. Needs three descriptors. */
 bw_status bw_remove_tree(const char *path);
+bw_status bw_rename(const char *from, const char *to); /* within a folder, which is synced; absolute */
 bw_status bw_write_file(const char *path, const char *data, size_t size); /* temporary, sync, rename, sync folder */
 /* The file, made if missing, with its lock; -1 if another process has it. The lock goes with the descriptor, however the process ends. */
 int bw_lock_file(const char *path);

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "server/files.h"
 #include "server/log.h"
 #include "server/queue/writer.h"
 
@@ -142,7 +143,7 @@ static bw_status keep_old(bw_sql *sql, const char *path, int64_t version) {
     snprintf(fresh, sizeof fresh, "%.4000s.new", name);
     unlink(fresh);
     bw_status status = bw_sql_copy(sql, fresh);
-    if (status == BW_OK && rename(fresh, name) != 0) status = BW_E_IO;
+    if (status == BW_OK) status = bw_rename(fresh, name); /* durable before the file is changed */
     bw_event(status == BW_OK ? BW_INFO : BW_ERROR, "queue.migrating", "version=%" PRId64 " to=%d copy=%s", version, SCHEMA_VERSION, name);
     return status;
 }

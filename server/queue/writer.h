@@ -58,7 +58,7 @@ void bw_reader_return(bw_queue *queue, bw_sql *reader); /* NULL allowed */
 void bw_readers_shrink(bw_queue *queue);                 /* those that are free give their pages back */
 
 /* schema.c: brings the file to this daemon's version. BW_E_VERSION: it is a newer daemon's. */
-bw_status bw_schema_migrate(bw_sql *sql, const char *path); /* before it changes an older one, PATH.vN.bak becomes a copy of it */
+bw_status bw_schema_migrate(bw_sql *sql, const char *path); /* before it changes an older one, PATH.vN.bak becomes a copy of it, durably */
 int64_t bw_schema_version(void);
 /* backup.c: copies the whole file to `to`, which must not be there. */
 bw_status bw_sql_copy(bw_sql *from, const char *to);
