@@ -18,6 +18,7 @@
 #include "server/queue/queue.h"
 
 enum { BW_TOKEN_TEXT = 69 };
+#define BW_TOKEN_LIFE_MOST INT64_C(60480000000000) /* ms: 100 000 weeks. Years keep their four digits, and sums with a time do not overflow */
 
 typedef struct bw_access bw_access;
 

@@ -47,12 +47,15 @@ static json_t *token_create(const bw_admin_services *s, const json_t *request, c
     const char *owner = text_of(request, "owner"), *note = text_of(request, "note");
     char secret[BW_TOKEN_TEXT];
     bw_token token = {.scopes = bw_scopes_parse(text_of(request, "scopes"))};
-    json_int_t life = json_integer_value(json_object_get(request, "expires_ms"));
+    const json_t *expires = json_object_get(request, "expires_ms");
+    json_int_t life = json_integer_value(expires);
     if (!bw_is_owner_name(owner))
         return failed(error, "an owner's name has 1 to 64 of A-Z a-z 0-9 . _ @ + - and begins with a letter or digit");
     if (!token.scopes) return failed(error, "scopes are a list, without blanks, of: submit, read, read-all, admin");
     if (strlen(note) > BW_TOKEN_NOTE_MOST) return failed(error, "the note has more than 200 bytes");
+    if (expires && !json_is_integer(expires)) return failed(error, "the token's life is a whole number of milliseconds");
     if (life < 0) return failed(error, "the token would have expired already");
+    if (life > BW_TOKEN_LIFE_MOST) return failed(error, "a token lives 100000 weeks at most, or without an end");
     if (bw_token_make(&token, bw_now_ms(), secret) != BW_OK) return failed(error, "there are no random bits to be had");
     snprintf(token.owner, sizeof token.owner, "%s", owner);
     token.note = (char *)note;

@@ -24,8 +24,8 @@ static const char token_usage[] =
     "       blockwrightd token revoke --data DIR ID\n"
     "\n"
     "create prints the token on standard output, once: only its hash is kept. Who shows it (Authorization: Bearer TOKEN) acts as\n"
-    "the owner NAME. LIST is some of submit,read,read-all,admin with commas between them, by default submit,read. TIME is 12h, 30d, 52w;\n"
-    "without it the token does not expire. From the first token on, nobody can do anything without one, and that stays so when it is\n"
+    "the owner NAME. LIST is some of submit,read,read-all,admin with commas between them, by default submit,read. TIME is 12h, 30d, 52w; 100000w\n"
+    "at most; without it the token does not expire. From the first token on, nobody can do anything without one, and that stays so when it is\n"
     "revoked. All of it works while the daemon runs, and takes effect at once.\n";
 
 static int complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -84,7 +84,7 @@ static bool nothing_else(int argc, char **argv, int operands, const char *usage)
     return argc - 1 == operands;
 }
 
-/* 12h, 30d, 52w: milliseconds; -1 if it is no such thing. */
+/* 12h, 30d, 52w: milliseconds, BW_TOKEN_LIFE_MOST + 1 for all that is more; -1 if it is no such thing. */
 static json_int_t read_life(const char *text) {
     static const struct {
         char unit;
@@ -93,7 +93,8 @@ static json_int_t read_life(const char *text) {
     char *end;
     long n = strtol(text, &end, 10);
     for (size_t i = 0; i < sizeof units / sizeof *units; i++)
-        if (*text >= '0' && *text <= '9' && end[0] == units[i].unit && !end[1] && n > 0 && n <= 100000) return n * units[i].ms;
+        if (*text >= '0' && *text <= '9' && end[0] == units[i].unit && !end[1] && n > 0)
+            return n <= BW_TOKEN_LIFE_MOST / units[i].ms ? n * units[i].ms : BW_TOKEN_LIFE_MOST + 1;
     return -1;
 }
 
@@ -126,6 +127,7 @@ static int create(const bw_config *config, int argc, char **argv) {
         return complain("--owner NAME: 1 to 64 of A-Z a-z 0-9 . _ @ + -, a letter or digit first");
     if (!bw_scopes_parse(scopes)) return complain("--scopes '%.80s': some of submit,read,read-all,admin", scopes);
     if (life < 0) return complain("--expires '%.80s': examples are 12h, 30d, 52w", expires);
+    if (life > BW_TOKEN_LIFE_MOST) return complain("--expires '%.80s': 100000w at most; without it the token does not expire", expires);
     json_t *answer = ask(config, json_pack("{s:s, s:s, s:s, s:s, s:I}", "command", "token create", "owner", owner, "scopes", scopes,
                                            "note", note ? note : "", "expires_ms", life));
     if (!answer) return FAILED;

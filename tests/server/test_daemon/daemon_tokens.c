@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "access_kit.h"
+#include "server/admin.h"
 
 static int fresh(void **state) {
     kit_daemon *d = calloc(1, sizeof *d);
@@ -124,7 +125,8 @@ static void the_words_of_token_commands_are_checked(void **state) {
     } cases[] = {{"token create", 2}, {"token create --owner", 2}, {"token create --owner ''", 2}, {"token create --owner 'a b'", 2},
                  {"token create --owner -x", 2}, {"token create --owner a --scopes ''", 2}, {"token create --owner a --scopes write", 2},
                  {"token create --owner a --scopes read,read", 2}, {"token create --owner a --expires 0d", 2},
-                 {"token create --owner a --expires 30", 2}, {"token create --owner a more", 2}, {"token create --owner a --nothing", 2},
+                 {"token create --owner a --expires 30", 2}, {"token create --owner a --expires 100001w", 2},
+                 {"token create --owner a --expires 99999999999999999999w", 2}, {"token create --owner a --expires 9223372036854775807s", 2}, {"token create --owner a more", 2}, {"token create --owner a --nothing", 2},
                  {"token", 2}, {"token delete", 2}, {"token revoke", 2}, {"token revoke 000000000000", 5}, {"token list more", 2}};
     char line[200];
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
@@ -132,6 +134,22 @@ static void the_words_of_token_commands_are_checked(void **state) {
         if (code != cases[i].code || *line) fail_msg("%s: %d %s", cases[i].words, code, line);
     }
     assert_int_equal(status_of(d, NULL), 200); /* none was made */
+}
+
+/* Of another program than the commands of this version. */
+static void a_life_that_is_no_life_of_a_token_is_refused(void **state) {
+    static const char *const lives[] = {"9223372036854775807", "60480000000001", "-1", "\"30d\"", "1.5"};
+    kit_daemon *d = *state;
+    bw_config config = {0};
+    char error[BW_ADMIN_ERROR], text[200];
+    snprintf(config.data, sizeof config.data, "%s", d->data);
+    for (size_t i = 0; i < sizeof lives / sizeof *lives; i++) {
+        snprintf(text, sizeof text, "{\"command\": \"token create\", \"owner\": \"a\", \"scopes\": \"read\", \"expires_ms\": %s}", lives[i]);
+        json_t *answer = bw_admin_ask(&config, json_loads(text, 0, NULL), error);
+        if (answer) fail_msg("%s is taken", lives[i]);
+    }
+    assert_int_equal(status_of(d, NULL), 200); /* none was made */
+    assert_int_equal(status_of(d, kit_new_token(d, "long", "--expires 100000w").secret), 200);
 }
 
 static void a_daemon_without_tokens_answers_to_its_own_names_only(void **state) {
@@ -281,6 +299,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(who_waits_with_a_token_that_is_revoked_learns_nothing, fresh, gone),
         cmocka_unit_test_setup_teardown(a_token_ends_when_it_says, fresh, gone),
         cmocka_unit_test_setup_teardown(the_words_of_token_commands_are_checked, fresh, gone),
+        cmocka_unit_test_setup_teardown(a_life_that_is_no_life_of_a_token_is_refused, fresh, gone),
         cmocka_unit_test_setup_teardown(a_daemon_without_tokens_answers_to_its_own_names_only, fresh, gone),
         cmocka_unit_test_setup_teardown(an_owner_has_limits_of_its_own, fresh, gone),
         cmocka_unit_test_setup_teardown(an_owner_runs_as_much_at_a_time_as_it_may, fresh, gone),
