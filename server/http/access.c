@@ -74,48 +74,35 @@ static bool check_place(bw_request *r) {
 
 /* ---- tokens ---- */
 
-/* The last address of X-Forwarded-For, which is cut off the text; false if there is none. */
-static bool take_last(char *list, uint8_t address[16]) {
-    char *comma = strrchr(list, ','), *word = comma ? comma + 1 : list;
-    word += strspn(word, " \t");
-    word[strcspn(word, " \t")] = '\0';
-    bool good = bw_address_parse(word, address);
-    if (comma) *comma = '\0';
-    else *list = '\0';
-    return good;
+/* The last address in the first *size bytes of a list; it is cut off them. False if it is none. */
+static bool take_last(const char *list, size_t *size, uint8_t address[16]) {
+    char word[64];
+    size_t end = *size, begin = end;
+    while (begin && list[begin - 1] != ',') begin--;
+    *size = begin ? begin - 1 : 0;
+    begin += strspn(list + begin, " \t");
+    while (end > begin && (list[end - 1] == ' ' || list[end - 1] == '\t')) end--;
+    if (end < begin || end - begin >= sizeof word) return false;
+    memcpy(word, list + begin, end - begin);
+    word[end - begin] = '\0';
+    return bw_address_parse(word, address);
 }
 
-typedef struct {
-    char text[512];
-    size_t size;
-    bool whole;
-} forwarded;
-
-static enum MHD_Result add_forwarded(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
-    forwarded *f = user;
-    (void)kind;
-    if (strcasecmp(key, "X-Forwarded-For") != 0 || !value) return MHD_YES;
-    int n = snprintf(f->text + f->size, sizeof f->text - f->size, "%s%s", f->size ? "," : "", value);
-    f->whole = (size_t)n < sizeof f->text - f->size;
-    f->size += f->whole ? (size_t)n : 0;
-    return f->whole ? MHD_YES : MHD_NO;
-}
-
-const char *bw_http_client(const bw_request *r, char text[BW_CLIENT_TEXT]) {
+const char *bw_http_client(bw_request *r, char text[BW_CLIENT_TEXT]) {
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    forwarded list = {.whole = true}; /* several such lines are one list (RFC 9110, 5.3): a proxy may add its own behind the client's */
     uint8_t address[16], before[16];
     bw_networks proxies;
     if (!info || !bw_address_of(info->client_addr, address)) return "-";
-    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, add_forwarded, &list);
-    if (list.whole && bw_networks_parse(r->services->config->behind_proxy, &proxies))
-        while (*list.text && bw_networks_have(&proxies, address) && take_last(list.text, before)) memcpy(address, before, 16);
+    const char *list = bw_request_list(r, "X-Forwarded-For"); /* a proxy may add a line of its own behind the client's */
+    size_t size = list ? strlen(list) : 0;
+    if (bw_networks_parse(r->services->config->behind_proxy, &proxies))
+        while (size && bw_networks_have(&proxies, address) && take_last(list, &size, before)) memcpy(address, before, 16);
     static const uint8_t four[12] = {[10] = 0xff, [11] = 0xff};
     bool is_four = memcmp(address, four, 12) == 0;
     return inet_ntop(is_four ? AF_INET : AF_INET6, is_four ? address + 12 : address, text, BW_CLIENT_TEXT) ? text : "-";
 }
 
-static void tell(const bw_request *r, const char *why) {
+static void tell(bw_request *r, const char *why) {
     static _Atomic int64_t last;
     static atomic_uint kept_back;
     int64_t now = bw_mono_ms(), before = atomic_load(&last);

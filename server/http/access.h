@@ -19,7 +19,7 @@ bool bw_http_check_again(bw_request *request);
 enum { BW_CLIENT_TEXT = 46 };
 /* The address of who asks: of the connection's other end, or if that is a proxy of `behind-proxy` what it says in X-Forwarded-For, as far back
  * as proxies are known. "-" if it cannot be said. */
-const char *bw_http_client(const bw_request *request, char text[BW_CLIENT_TEXT]);
+const char *bw_http_client(bw_request *request, char text[BW_CLIENT_TEXT]);
 /* Whose jobs are to be listed, by the query's `owner` and what the caller may see; NULL: everybody's. False after a reply. */
 bool bw_http_owner_wanted(bw_request *request, const char **owner);
 bool bw_http_has_blob(void *store, const char *sha256); /* for bw_submit */

@@ -69,8 +69,8 @@ static bool changed_since(const bw_content *c, const char *date, bool otherwise)
 }
 
 /* The order of RFC 9110, 13.2.2. 200 to go on, 304 or 412. */
-static unsigned check_conditions(const bw_request *r, const bw_content *c, const char *etag) {
-    const char *match = bw_request_header(r, "If-Match"), *none = bw_request_header(r, "If-None-Match");
+static unsigned check_conditions(bw_request *r, const bw_content *c, const char *etag) {
+    const char *match = bw_request_list(r, "If-Match"), *none = bw_request_list(r, "If-None-Match");
     const char *unmodified = bw_request_header(r, "If-Unmodified-Since"), *since = bw_request_header(r, "If-Modified-Since");
     if (match ? !tag_listed(match, etag, false) : unmodified && changed_since(c, unmodified, false)) return 412;
     if (none ? tag_listed(none, etag, true) : since && !changed_since(c, since, true)) return 304;
@@ -201,10 +201,10 @@ static struct MHD_Response *make_plain(const bw_content *c, uint64_t first, uint
 /* Documents made for this one answer have no parts. */
 static bool has_parts(const bw_content *c) { return c->fd >= 0 || c->sha256; }
 
-static void select_part(const bw_request *r, unsigned status, const bw_content *c, selection *s, range_kind *kind) {
+static void select_part(bw_request *r, unsigned status, const bw_content *c, selection *s, range_kind *kind) {
     const char *range = status == 200 && !r->head && has_parts(c) ? bw_request_header(r, "Range") : NULL;
     bool codable = c->bytes >= CODE_LEAST && bw_coding_helps(c->media_type);
-    s->coding = codable && !range ? bw_coding_accepted(bw_request_header(r, "Accept-Encoding")) : BW_CODING_IDENTITY;
+    s->coding = codable && !range ? bw_coding_accepted(bw_request_list(r, "Accept-Encoding")) : BW_CODING_IDENTITY;
     if (c->sha256)
         snprintf(s->etag, sizeof s->etag, "\"%.64s%s%s\"", c->sha256, s->coding ? "-" : "", s->coding ? bw_coding_names[s->coding] : "");
     s->size = c->bytes;
@@ -262,7 +262,8 @@ void bw_reply_content(bw_request *r, unsigned status, const bw_content *c) {
     }
     select_part(r, status, c, &s, &range);
     unsigned verdict = status == 200 && r->reads ? check_conditions(r, c, s.etag) : 200;
-    if (verdict != 200 || range == RANGE_OUTSIDE) drop(c);
+    if (verdict != 200 || range == RANGE_OUTSIDE || r->reply) drop(c);
+    if (r->reply) return; /* out of memory */
     if (verdict == 412) {
         bw_reply_problem(r, BW_PROBLEM_PRECONDITION_FAILED, "it is not the one that you know");
     } else if (verdict == 304) {

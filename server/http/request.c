@@ -18,6 +18,53 @@ const char *bw_request_header(const bw_request *r, const char *name) {
     return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
 }
 
+struct bw_header_list {
+    struct bw_header_list *next;
+    char text[];
+};
+
+typedef struct {
+    const char *name, *only; /* only: the last line's */
+    char *to;                /* NULL: they are counted */
+    size_t lines, size;      /* size: with a byte behind each */
+} gathering;
+
+static enum MHD_Result gather(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
+    gathering *g = user;
+    (void)kind;
+    if (strcasecmp(key, g->name) != 0 || !value) return MHD_YES;
+    size_t n = strlen(value);
+    if (g->to) memcpy(g->to + g->size, value, n), g->to[g->size + n] = ',';
+    g->only = value;
+    g->size += n + 1;
+    g->lines++;
+    return MHD_YES;
+}
+
+const char *bw_request_list(bw_request *r, const char *name) {
+    gathering g = {.name = name};
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, gather, &g);
+    if (g.lines < 2) return g.only;
+    struct bw_header_list *list = malloc(sizeof *list + g.size);
+    if (!list) {
+        bw_reply_json(r, 500, NULL);
+        return NULL;
+    }
+    list->next = r->lists;
+    r->lists = list;
+    g = (gathering){.name = name, .to = list->text};
+    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, gather, &g);
+    list->text[g.size - 1] = '\0';
+    return list->text;
+}
+
+static void free_lists(struct bw_header_list *list) {
+    for (struct bw_header_list *next; list; list = next) {
+        next = list->next;
+        free(list);
+    }
+}
+
 const char *bw_request_query(const bw_request *r, const char *name) {
     return MHD_lookup_connection_value(r->connection, MHD_GET_ARGUMENT_KIND, name);
 }
@@ -34,11 +81,9 @@ bool bw_request_number(bw_request *r, const char *name, int64_t low, int64_t hig
     return false;
 }
 
-static enum MHD_Result read_preference(void *user, enum MHD_ValueKind kind, const char *key, const char *value) {
-    int *seconds = user;
-    (void)kind;
-    if (strcasecmp(key, "Prefer") != 0 || !value) return MHD_YES;
-    for (const char *at = value; *at; at += strcspn(at, ","), at += *at == ',') {
+int bw_request_wait_preferred(bw_request *r) {
+    const char *at = bw_request_list(r, "Prefer");
+    for (; at && *at; at += strcspn(at, ","), at += *at == ',') {
         char *end;
         at += strspn(at, " \t");
         if (strncasecmp(at, "wait", 4) != 0) continue;
@@ -46,16 +91,10 @@ static enum MHD_Result read_preference(void *user, enum MHD_ValueKind kind, cons
         if (*is != '=') continue;
         const char *number = is + 1 + strspn(is + 1, " \t");
         unsigned long n = *number >= '0' && *number <= '9' ? strtoul(number, &end, 10) : 0;
-        if (n && *seconds == 0 && (*(end += strspn(end, " \t")) == ',' || *end == ';' || !*end))
-            *seconds = n > BW_WAIT_MOST ? BW_WAIT_MOST : (int)n; /* the first one counts (RFC 7240, 2) */
+        if (n && (*(end += strspn(end, " \t")) == ',' || *end == ';' || !*end))
+            return n > BW_WAIT_MOST ? BW_WAIT_MOST : (int)n; /* the first one counts (RFC 7240, 2) */
     }
-    return MHD_YES;
-}
-
-int bw_request_wait_preferred(const bw_request *r) {
-    int seconds = 0;
-    MHD_get_connection_values(r->connection, MHD_HEADER_KIND, read_preference, &seconds);
-    return seconds;
+    return 0;
 }
 
 /* ---- before the body ---- */
@@ -144,7 +183,8 @@ static void check_framing(bw_request *r, bool old) {
 /* What changes something would have to compare tags with those of an answer that it has not made: it is done only if any tag will do
  * (RFC 9110, 13.1.1). If-None-Match is for reading. */
 static bool check_match(bw_request *r) {
-    const char *match = r->reads ? NULL : bw_request_header(r, "If-Match");
+    const char *match = r->reads ? NULL : bw_request_list(r, "If-Match");
+    if (r->reply) return false;
     if (!match || strcmp(match, "*") == 0) return true;
     bw_reply_problem(r, BW_PROBLEM_PRECONDITION_FAILED, "If-Match can be asked of GET and HEAD only; nothing was done");
     return false;
@@ -287,6 +327,7 @@ void bw_request_on_end(void *user, struct MHD_Connection *connection, void **sta
     bw_unpacker_free(r->unpacker);
     if (r->reply) MHD_destroy_response(r->reply);
     if (r->state_free) r->state_free(r->state);
+    free_lists(r->lists);
     free(r->body);
     free(r);
     *state = NULL;

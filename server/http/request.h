@@ -66,6 +66,7 @@ typedef struct bw_request {
     size_t body_most; /* bytes; begin may change it */
     bool (*take)(struct bw_request *, const char *data, size_t size); /* gets the content of the body; false after a reply. NULL: collected */
     bw_upload *upload;
+    struct bw_header_list *lists; /* made by bw_request_list */
     struct MHD_Response *reply; /* NULL until made */
     unsigned reply_status;
     bool sized;                          /* the reply has so many bytes, at most: */
@@ -94,12 +95,15 @@ void bw_request_offload(bw_request *request, void (*work)(bw_request *), void (*
 /* For who has just written `size` bytes, `written` in all: does the disk have room for more? Asked only now and then. */
 bool bw_request_room_left(const bw_request *request, uint64_t written, size_t size);
 
-const char *bw_request_header(const bw_request *request, const char *name); /* NULL if absent */
+const char *bw_request_header(const bw_request *request, const char *name); /* the first of the name; NULL if absent */
+/* The value of a header that is a list: of all its lines, in their order, with commas between them (RFC 9110, 5.3). NULL if absent, or out of
+ * memory, which is answered then. Borrowed, until the request ends. */
+const char *bw_request_list(bw_request *request, const char *name);
 const char *bw_request_query(const bw_request *request, const char *name);
 /* A whole number in [low, high] from the query; `otherwise` if it is not given. False after a reply. */
 bool bw_request_number(bw_request *request, const char *name, int64_t low, int64_t high, int64_t otherwise, int64_t *value);
 /* RFC 7240: seconds of `Prefer: wait=SECONDS`, at most BW_WAIT_MOST; 0 if there is none, or none that is understood. */
-int bw_request_wait_preferred(const bw_request *request);
+int bw_request_wait_preferred(bw_request *request);
 
 /* For http.c: what libmicrohttpd calls; `user` is the bw_traffic. */
 enum MHD_Result bw_request_on_call(void *user, struct MHD_Connection *connection, const char *url, const char *method,

@@ -185,6 +185,25 @@ static void conditions_are_weighed_in_their_order(void **state) {
     expect_status(data_path, "If-Unmodified-Since: Thu, 01 Jan 1970 00:00:01 GMT\nIf-Match: %s", data_tag, 200);
 }
 
+static void several_lines_are_one_list(void **state) {
+    (void)state;
+    char pin[60];
+    expect_status(data_path, "If-None-Match: \"other\"\nif-none-match: %s", data_tag, 304);
+    expect_status(data_path, "If-None-Match: \"other\"\nIf-None-Match: \"more\", W/%s\nIf-None-Match: \"last\"", data_tag, 304);
+    expect_status(data_path, "If-None-Match: \"other\"\nIf-None-Match: %s", "\"more\"", 200);
+    expect_status(data_path, "If-Match: \"other\"\nIf-Match: %s", data_tag, 200);
+    expect_status(data_path, "If-Match: \"other\"\nIf-Match: %s", "\"more\"", 412);
+    expect_status(data_path, "If-Match: \"other\"\nIf-None-Match: \"more\"\nIf-Match: %s", data_tag, 200);
+    snprintf(pin, sizeof pin, "%.*s/pin", (int)strlen("/v1/jobs/") + 24, data_path);
+    kit_expect_problem(kit_request(&d, "PUT", pin, "If-Match: *\nIf-Match: \"x\"", NULL, 0), 412, "precondition-failed");
+    kit_reply r = get(text_path, "Accept-Encoding: br\nAccept-Encoding: gzip");
+    assert_string_equal(kit_header(&r, "Content-Encoding"), "gzip");
+    kit_free(&r);
+    r = get(text_path, "Accept-Encoding: gzip;q=0.5\nAccept-Encoding: zstd;q=0\nAccept-Encoding: identity");
+    assert_string_equal(kit_header(&r, "Content-Encoding"), "");
+    kit_free(&r);
+}
+
 typedef struct {
     char *bytes;
     size_t size;
@@ -431,6 +450,7 @@ int main(void) {
         cmocka_unit_test(a_range_behind_the_end_is_416),
         cmocka_unit_test(if_range_gives_the_part_only_of_the_same_content),
         cmocka_unit_test(conditions_are_weighed_in_their_order),
+        cmocka_unit_test(several_lines_are_one_list),
         cmocka_unit_test(a_text_is_coded_as_the_client_likes_it),
         cmocka_unit_test(documents_and_pages_are_coded_too),
         cmocka_unit_test(the_digest_is_that_of_the_content),

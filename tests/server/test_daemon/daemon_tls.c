@@ -286,6 +286,7 @@ static void forwarded_addresses_are_believed_from_proxies_only(void **state) {
         {"127.0.0.1", "X-Forwarded-For: 6.6.6.6, 192.0.2.8", "client=192.0.2.8 "},                 /* what a client says itself */
         {"127.0.0.0/8,192.0.2.0/24", "X-Forwarded-For: 6.6.6.6, 2001:db8::7 , 192.0.2.8", "client=2001:db8::7 "},
         {"127.0.0.1", "X-Forwarded-For: 6.6.6.6\nX-Forwarded-For: 192.0.2.8", "client=192.0.2.8 "},
+        {"127.0.0.0/8,192.0.2.0/24", "X-Forwarded-For: 6.6.6.6\nX-Forwarded-For: 2001:db8::7\nX-Forwarded-For: 192.0.2.8", "client=2001:db8::7 "},
         {"127.0.0.1", "X-Forwarded-For: nonsense", "client=127.0.0.1 "},
         {"127.0.0.1", "X-Forwarded-For: 192.0.2.9, ", "client=127.0.0.1 "},
     };

@@ -49,6 +49,7 @@ static void an_answer_comes_when_the_time_is_over(void **state) {
     char id[32];
     kit_submit(&d, "sanitize sleep 30000\n# too slow\n", NULL, id);
     expect_state(get_waiting(id, "Prefer: respond-async, wait = 1"), 200, "wait=1", "running");
+    expect_state(get_waiting(id, "Prefer: respond-async, wait\nPrefer: wait=1\nPrefer: wait=50"), 200, "wait=1", "running");
     for (const char *const *p = (const char *const[]){"Prefer: wait=x", "Prefer: wait=", "Prefer: wait", "Prefer: waiting=9", "Prefer: wait=0",
                                                       "Prefer: wait=9s", "Prefer: return=minimal", NULL}; *p; p++)
         expect_state(get_waiting(id, *p), 200, "", "running");
