@@ -322,7 +322,7 @@ void bw_config_print_help(FILE *to) {
         if (n >= HELP_INDENT) fprintf(to, "\n%*s", HELP_INDENT, "");
         n = snprintf(right, sizeof right, "%s", s->help);
         if (s->choices) n += snprintf(right + n, sizeof right - (size_t)n, ": %s", s->choices);
-        if (s->standard) snprintf(right + n, sizeof right - (size_t)n, "; default %s", s->standard);
+        if (s->standard && *s->standard) snprintf(right + n, sizeof right - (size_t)n, "; default %s", s->standard);
         print_wrapped(right, to);
     }
 }

@@ -66,7 +66,7 @@ const bw_setting bw_settings[] = {
     {"cancel-grace", MILLISECONDS(cancel_grace_ms, 0, DAY * 1000), "10s", true, "TIME",
      "how long a cancelled stage is given to end by itself before it is killed"},
     {"require-sandbox", CHOICE(require_sandbox, "no yes"), "no", false, "yes|no",
-     "start no job unless seccomp, Landlock and all limits are in force; /readyz tells what is"},
+     "whether jobs are started only with seccomp, Landlock and all limits in force (/readyz tells what is)"},
     {"owner-jobs", COUNT(owner_jobs, 0, INT_MAX), "0", true, "N", "jobs of one owner that wait or run; 0: any number"},
     {"owner-running", COUNT(owner_running, 0, 256), "0", true, "N", "stages of one owner that run at the same time; 0: any number"},
     {"owner-bytes", BW_SETTING_SIZE, FIELD(owner_bytes), 0, size_most, 0, NULL, "0", true, "SIZE",

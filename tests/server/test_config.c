@@ -92,6 +92,7 @@ static void the_help_tells_of_every_setting(void **state) {
         snprintf(flag, sizeof flag, "--%s %s", bw_settings[i].name, bw_settings[i].value);
         assert_non_null(strstr(text, flag));
     }
+    assert_null(strstr(text, "default\n    --")); /* of a setting that is empty by default */
     for (char *line = text, *end; (end = strchr(line, '\n')); line = end + 1) assert_true(end - line <= 118 && end[-1] != ' ');
     free(text);
 }
