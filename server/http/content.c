@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -93,7 +94,7 @@ typedef enum { RANGE_NONE, RANGE_GOOD, RANGE_OUTSIDE } range_kind;
 /* bytes=FIRST-LAST, bytes=FIRST-, bytes=-SUFFIX. What is written otherwise, and more than one range, is none (RFC 9110, 14.2). */
 static range_kind read_range(const char *text, uint64_t bytes, uint64_t *first, uint64_t *size) {
     uint64_t last = UINT64_MAX;
-    if (strncmp(text, "bytes=", 6) != 0) return RANGE_NONE;
+    if (strncasecmp(text, "bytes=", 6) != 0) return RANGE_NONE; /* any case: RFC 9110, 14.1 */
     text += 6;
     bool suffix = *text == '-';
     if (suffix ? (text++, !read_number(&text, size)) : !read_number(&text, first) || *text++ != '-') return RANGE_NONE;

@@ -104,6 +104,7 @@ static void expect_whole(const char *path, const char *headers) {
 static void a_range_is_answered_with_just_that_part(void **state) {
     (void)state;
     expect_part(data_path, "Range: bytes=0-0", data, 0, 1, "bytes 0-0/100000");
+    expect_part(data_path, "Range: BYTES=1-2", data, 1, 2, "bytes 1-2/100000");
     expect_part(data_path, "Range: bytes=10-70009", data, 10, 70000, "bytes 10-70009/100000");
     expect_part(data_path, "Range: bytes=99990-", data, 99990, 10, "bytes 99990-99999/100000");
     expect_part(data_path, "Range: bytes=50-999999", data, 50, 99950, "bytes 50-99999/100000");
