@@ -74,7 +74,7 @@ def complete(doc):
             if method not in item:
                 continue
             token = scope(doc, item[method])
-            answers = {"400": "Problem", "421": "Problem", "500": "Problem", "503": "Problem"}
+            answers = {"400": "Problem", "421": "Problem", "500": "Problem", "503": "NotReady"}
             if token or method not in ("get", "head"):
                 answers["403"] = "Problem"
             if token:

@@ -9,6 +9,8 @@
 #include "server/failure.h"
 #include "server/http/content.h"
 
+#define RETRY_SECONDS "5"
+
 void bw_reply_made(bw_request *r, unsigned status, struct MHD_Response *response, const char *media_type) {
     if (r->reply || !response) {
         if (response) MHD_destroy_response(response);
@@ -70,10 +72,16 @@ static void add_caching(bw_request *r) {
     bw_reply_header(r, "Cache-Control", MHD_get_response_header(r->reply, "ETag") ? "private, no-cache" : "no-store");
 }
 
+/* A daemon that stops or is not ready is asked again: its successor, or its operator, needs some seconds. */
+static void add_retry(bw_request *r) {
+    if (r->reply_status == 503) bw_reply_header(r, "Retry-After", RETRY_SECONDS);
+}
+
 enum MHD_Result bw_reply_send(bw_request *r) {
     if (!r->reply) bw_reply_problem(r, BW_PROBLEM_INTERNAL, "the request was not answered");
     if (!r->reply) return MHD_NO;
     add_caching(r);
+    add_retry(r);
     if (r->sized) bw_guard_answer(r->guarded, r->reply_bytes);
     return MHD_queue_response(r->connection, r->reply_status, r->reply);
 }

@@ -289,6 +289,7 @@ void kit_expect_problem(kit_reply r, long status, const char *code) {
     snprintf(type, sizeof type, "/problems/%s", code);
     if (r.status != status) fail_msg("expected %ld %s, got %ld: %s", status, code, r.status, r.body);
     assert_string_equal(r.type, "application/problem+json");
+    if (status == 503 || status == 429) assert_true(atoi(kit_header(&r, "Retry-After")) > 0);
     json_t *problem = kit_json(&r);
     assert_string_equal(kit_text(problem, "type"), type);
     assert_int_equal(json_integer_value(json_object_get(problem, "status")), status);

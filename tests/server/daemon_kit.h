@@ -60,7 +60,7 @@ json_t *kit_job(const kit_daemon *daemon, const char *id);
 json_t *kit_wait(const kit_daemon *daemon, const char *id, int seconds);
 void kit_wait_state(const kit_daemon *daemon, const char *id, const char *state, int seconds);
 const char *kit_text(const json_t *object, const char *name); /* "" if absent */
-/* The reply must be a problem document of this code and its status must agree. Frees it. */
+/* The reply must be a problem document of this code and its status must agree; if it is to be asked again, it says when. Frees it. */
 void kit_expect_problem(kit_reply reply, long status, const char *code);
 /* The whole of a raw exchange over TCP: sends, half-closes if asked, returns what comes back (malloc'ed). */
 char *kit_raw(const kit_daemon *daemon, const char *data, size_t size, bool half_close);
