@@ -87,7 +87,7 @@ ask 400 "$jobs?state=lost"
 printf '1 1\nnothing\n' >bad.hexex
 bad=$(sha256sum bad.hexex | cut -d" " -f1)
 ask 201 -T bad.hexex "$base/v1/blobs/$bad"
-ask 201 -H "$json" -H 'Prefer: wait=20' -d "{\"input\": \"$bad\"}" "$jobs"
+ask 201 -H "$json" -H 'Idempotency-Key: bad' -H 'Prefer: wait=20' -d "{\"input\": \"$bad\"}" "$jobs"
 job=$(value id)
 ask 200 -H 'Prefer: wait=20' "$jobs/$job"
 ask 409 "$jobs/$job/results"
@@ -107,6 +107,9 @@ for tail in "" /results /results/blocks.json /report /events /log; do ask 410 "$
 for tail in /cancel /finish /retry; do ask 410 -X POST "$jobs/$job$tail"; done
 for tail in /pin ""; do ask 410 -X DELETE "$jobs/$job$tail"; done
 ask 410 -X PUT "$jobs/$job/pin"
+ask 410 -H "$json" -H 'Idempotency-Key: bad' -d "{\"input\": \"$bad\"}" "$jobs"
+printf '{"jobs": [{"input": "%s"}]}' "$bad" | gzip >batch.gz
+ask 201 -H "$json" -H 'Content-Encoding: gzip' --data-binary @batch.gz "$base/v1/batches"
 ask 201 -H "$json" -H 'Prefer: wait=30' -d "{\"input\": \"$hash\", \"name\": \"all\", \"tags\": [\"a\", \"b\"], \"priority\": 5, \"pinned\": true,
     \"limits\": {\"memory\": 2000000000, \"wall_seconds\": 100, \"job_wall_seconds\": 300, \"job_cpu_seconds\": 200}, \"options\": {\"quantize\": \"any\", \"scales\": [1, 2]}}" "$jobs"
 job=$(value id)

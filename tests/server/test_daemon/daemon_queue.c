@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "daemon_kit.h"
+#include "access_kit.h"
 
 static kit_daemon d;
 static const char json[] = "Content-Type: application/json";
@@ -136,6 +136,27 @@ static void a_request_sent_again_with_its_key_creates_nothing(void **state) {
     take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), again);
     assert_string_equal(first, again);
     assert_int_equal(listed("limit=200"), 2);
+}
+
+/* It was asked for once, and had. */
+static void a_key_makes_no_second_job_when_the_first_one_is_gone(void **state) {
+    (void)state;
+    static const char keyed[] = "Content-Type: application/json\nIdempotency-Key: gone";
+    char id[32], address[60], line[200];
+    kit_upload(&d, "# keyed\n", keyed_hash);
+    take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), id);
+    json_decref(kit_wait(&d, id, 20));
+    snprintf(address, sizeof address, "/v1/jobs/%s", id);
+    kit_reply r = kit_request(&d, "DELETE", address, NULL, NULL, 0);
+    assert_int_equal(r.status, 204);
+    kit_free(&r);
+    kit_expect_problem(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), 410, "job-gone");
+    kit_stop(&d);
+    kit_restart(&d, (const char *const[]){"--keep-gone", "1s", NULL});
+    kit_sleep_ms(1100);
+    assert_int_equal(kit_blockwrightd(&d, "gc", line, sizeof line), 0);
+    kit_expect_problem(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), 404, "no-such-job");
+    assert_int_equal(listed("limit=200"), 0);
 }
 
 /* ---- batches ---- */
@@ -320,6 +341,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(jobs_of_higher_priority_start_first, start, stop),
         cmocka_unit_test_setup_teardown(jobs_are_found_by_their_tags, start, stop),
         cmocka_unit_test_setup_teardown(a_request_sent_again_with_its_key_creates_nothing, start, stop),
+        cmocka_unit_test_setup_teardown(a_key_makes_no_second_job_when_the_first_one_is_gone, start, stop),
         cmocka_unit_test_setup_teardown(a_batch_is_accepted_whole_or_not_at_all, start, stop),
         cmocka_unit_test_setup_teardown(a_batch_may_have_a_thousand_jobs_and_a_megabyte, start, stop),
         cmocka_unit_test_setup_teardown(more_than_an_owner_may_have_is_429_with_retry_after, start_with_limits, stop),
