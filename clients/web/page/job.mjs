@@ -105,7 +105,7 @@ export class JobPage {
     } catch (error) {
       if (run !== this.run) return;
       if (!(error instanceof Refused)) throw error;
-      if (error.status === 404) this.lost(error.message);
+      if (error.status === 404 || error.status === 410) this.lost(error.message); // 410: it was removed
       else {
         if (!this.asked) this.complain(`${error.message}; asking again`);
         this.again(SELDOM);

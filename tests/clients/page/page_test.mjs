@@ -306,7 +306,10 @@ const tests = {
   async 'a job that is not there is told'() {
     await browser.evaluate(`(location.hash = '#' + '0'.repeat(24), 0)`);
     await until(`${state} === 'failed' && /no job/.test(${status})`);
-    browser.errors.length = 0; // the browser's own line about the 404
+    assert.equal((await fetch(`${url}/v1/jobs/${search2}`, { method: 'DELETE' })).status, 204);
+    await go(search2);
+    await until(`${state} === 'failed' && /was deleted/.test(${status})`);
+    browser.errors.length = 0; // the browser's own lines about the 404 and the 410
     await browser.evaluate(`(location.hash = '#nonsense', 0)`);
     await until(`${state} === 'failed' && /names no job/.test(${status})`);
   },
