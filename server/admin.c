@@ -20,7 +20,7 @@
 #include "server/files.h"
 #include "server/log.h"
 
-enum { LINE_MOST = 1 << 20, PATIENCE_SECONDS = 5, ASK_WAIT_MS = 20000, ASK_AGAIN_MS = 50, ANSWER_SECONDS = 3600 };
+enum { LINE_MOST = 1 << 20, PATIENCE_SECONDS = 5, ASK_WAIT_MS = 20000, ASK_AGAIN_MS = 50, ANSWER_SECONDS = 3600, PAUSE_MS = 100 };
 
 struct bw_admin {
     bw_admin_services services;
@@ -115,16 +115,22 @@ static void serve_one(bw_admin *admin, int fd) {
     json_decref(request);
 }
 
+/* The connection stays, so poll would return at once: for lack of descriptors, say. */
+static void pause_after(const bw_admin *admin, int error) {
+    struct pollfd stop = {admin->stop, POLLIN, 0};
+    if (error != EAGAIN && error != EINTR && error != ECONNABORTED) poll(&stop, 1, PAUSE_MS);
+}
+
 static void *admin_main(void *user) {
     bw_admin *admin = user;
     struct pollfd fds[2] = {{admin->listening, POLLIN, 0}, {admin->stop, POLLIN, 0}};
     for (;;) {
         if (poll(fds, 2, -1) < 0 && errno != EINTR) break;
         if (fds[1].revents) break;
-        int fd = fds[0].revents ? accept4(admin->listening, NULL, NULL, SOCK_CLOEXEC) : -1;
-        if (fd < 0) continue;
-        serve_one(admin, fd);
-        close(fd);
+        if (!fds[0].revents) continue;
+        int fd = accept4(admin->listening, NULL, NULL, SOCK_CLOEXEC);
+        if (fd < 0) pause_after(admin, errno);
+        else serve_one(admin, fd), close(fd);
     }
     return NULL;
 }
