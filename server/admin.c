@@ -25,6 +25,7 @@ enum { LINE_MOST = 1 << 20, PATIENCE_SECONDS = 5, ASK_WAIT_MS = 20000, ASK_AGAIN
 struct bw_admin {
     bw_admin_services services;
     pthread_t thread;
+    atomic_bool stopping;
     int folder, listening, stop; /* the data folder; the socket; an eventfd */
 };
 
@@ -149,6 +150,7 @@ bw_status bw_admin_start(const char *data, const bw_admin_services *services, bw
     bw_admin *admin = calloc(1, sizeof *admin);
     if (!admin) return BW_E_MEMORY;
     *admin = (bw_admin){.services = *services, .listening = -1, .stop = eventfd(0, EFD_CLOEXEC)};
+    admin->services.stopping = &admin->stopping;
     admin->folder = open(data, O_PATH | O_DIRECTORY | O_CLOEXEC);
     bw_status status = admin->folder >= 0 && admin->stop >= 0 ? listen_on(admin) : BW_E_IO;
     if (status == BW_OK && pthread_create(&admin->thread, NULL, admin_main, admin) == 0) {
@@ -164,6 +166,7 @@ bw_status bw_admin_start(const char *data, const bw_admin_services *services, bw
 
 void bw_admin_stop(bw_admin *admin) {
     if (!admin) return;
+    atomic_store(&admin->stopping, true);
     if (write(admin->stop, &(uint64_t){1}, 8) == 8) pthread_join(admin->thread, NULL);
     unlinkat(admin->folder, "control", 0);
     close(admin->listening);

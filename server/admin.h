@@ -14,6 +14,8 @@
 
 #include <jansson.h>
 
+#include <stdatomic.h>
+
 #include "server/access.h"
 #include "server/config.h"
 #include "server/dispatch/dispatch.h"
@@ -28,8 +30,9 @@ typedef struct {
     bw_queue *queue;
     bw_access *access;
     bw_retention *retention;
-    bw_dispatch *dispatch; /* NULL: no daemon runs */
-} bw_admin_services;       /* borrowed */
+    bw_dispatch *dispatch;       /* NULL: no daemon runs */
+    const atomic_bool *stopping; /* set when the daemon stops: what takes long ends then (queue/backup.h). Of bw_admin_start */
+} bw_admin_services;             /* borrowed */
 
 typedef struct {
     const char *name;
@@ -42,7 +45,7 @@ typedef struct bw_admin bw_admin;
 
 /* Listens on DATA/control in a thread of its own. */
 bw_status bw_admin_start(const char *data, const bw_admin_services *services, bw_admin **admin);
-void bw_admin_stop(bw_admin *admin);
+void bw_admin_stop(bw_admin *admin); /* what is being done is ended soon, and who asked for it told; NULL allowed */
 
 /* Asks the daemon of config->data, or does it in its stead, with these settings. Takes `request`. NULL: `error` tells why. */
 json_t *bw_admin_ask(const bw_config *config, json_t *request, char error[BW_ADMIN_ERROR]);

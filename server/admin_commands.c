@@ -176,6 +176,7 @@ static json_t *gc(const bw_admin_services *s, const json_t *request, char error[
     bw_policy policy = bw_retention_policy(s->config, bw_now_ms());
     bw_retention_report report;
     if (bw_retention_pass(s->retention, &policy, dry, &report) != BW_OK) return failed(error, "the database does not take it");
+    if (bw_stopped(s->stopping)) return failed(error, "the daemon is stopping; what is due goes when it runs again");
     json_t *kinds = json_object();
     for (int i = 0; i < BW_KEEP_COUNT; i++)
         json_object_set_new(kinds, bw_keep_names[i], json_pack("{s:I, s:I}", "count", (json_int_t)report.kinds[i].count, "bytes",
@@ -187,7 +188,8 @@ static json_t *gc(const bw_admin_services *s, const json_t *request, char error[
 static json_t *backup(const bw_admin_services *s, const json_t *request, char error[BW_ADMIN_ERROR]) {
     bw_backup_report report;
     bool files = json_is_true(json_object_get(request, "with_files"));
-    if (bw_backup_make(s->config->data, s->queue, s->retention, text_of(request, "file"), files, &report, error) != BW_OK) return NULL;
+    if (bw_backup_make(s->config->data, s->queue, s->retention, text_of(request, "file"), files, s->stopping, &report, error) != BW_OK)
+        return NULL;
     bw_event(BW_INFO, "backup.made", "jobs=%" PRId64 " files=%" PRId64 " bytes=%" PRId64 " missing=%" PRId64 " with_files=%d", report.jobs, report.files,
              report.bytes, report.missing, files);
     return json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)report.jobs, "files", (json_int_t)report.files, "bytes", (json_int_t)report.bytes,

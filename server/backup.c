@@ -21,17 +21,19 @@ static bw_status refuse(char error[BW_BACKUP_ERROR], bw_status status, const cha
 
 /* ---- files ---- */
 
-static bw_status copy_bytes(int from, int to) {
+static bw_status copy_bytes(int from, int to, const atomic_bool *stop) {
     char buffer[65536];
     ssize_t n;
-    while ((n = read(from, buffer, sizeof buffer)) > 0)
+    while ((n = read(from, buffer, sizeof buffer)) > 0) {
+        if (bw_stopped(stop)) return BW_E_CANCELLED;
         if (write(to, buffer, (size_t)n) != n) return BW_E_IO;
+    }
     return n == 0 ? BW_OK : BW_E_IO;
 }
 
-static bw_status copy_file(const char *from, const char *to, mode_t mode) {
+static bw_status copy_file(const char *from, const char *to, mode_t mode, const atomic_bool *stop) {
     int in = open(from, O_RDONLY | O_CLOEXEC | O_NOFOLLOW), out = in < 0 ? -1 : open(to, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-    bw_status status = in >= 0 && out >= 0 ? copy_bytes(in, out) : BW_E_IO;
+    bw_status status = in >= 0 && out >= 0 ? copy_bytes(in, out, stop) : BW_E_IO;
     if (status == BW_OK) status = bw_sync(out, to);
     if (in >= 0) close(in);
     if (out >= 0) close(out);
@@ -39,31 +41,31 @@ static bw_status copy_file(const char *from, const char *to, mode_t mode) {
 }
 
 /* A file that nobody changes: linked, or on another file system copied. BW_E_CHECK: it is no file, so nothing of ours. */
-static bw_status copy_plain(const char *from, const char *to) {
+static bw_status copy_plain(const char *from, const char *to, const atomic_bool *stop) {
     struct stat st;
     if (lstat(from, &st) != 0) return BW_E_IO;
     if (!S_ISREG(st.st_mode)) return BW_E_CHECK;
-    return link(from, to) == 0 ? BW_OK : copy_file(from, to, 0400);
+    return link(from, to) == 0 ? BW_OK : copy_file(from, to, 0400, stop);
 }
 
-static bw_status copy_folder(const char *from, const char *to) {
+static bw_status copy_folder(const char *from, const char *to, const atomic_bool *stop) {
     DIR *folder = opendir(from);
     bw_status status = folder ? bw_make_dir(to) : BW_E_IO;
     for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
         char a[PATH_MAX], b[PATH_MAX];
         if (*e->d_name == '.') continue;
         bool fits = snprintf(a, sizeof a, "%s/%s", from, e->d_name) < (int)sizeof a && snprintf(b, sizeof b, "%s/%s", to, e->d_name) < (int)sizeof b;
-        status = fits ? copy_plain(a, b) : BW_E_IO;
+        status = fits ? copy_plain(a, b, stop) : BW_E_IO;
     }
     if (folder) closedir(folder);
     return status == BW_OK ? bw_sync_path(to) : status;
 }
 
 /* A blob or a state, or a folder of results. */
-static bw_status copy_entry(const char *from, const char *to) {
+static bw_status copy_entry(const char *from, const char *to, const atomic_bool *stop) {
     struct stat st;
     if (lstat(from, &st) != 0) return BW_E_IO;
-    return S_ISDIR(st.st_mode) ? copy_folder(from, to) : copy_plain(from, to);
+    return S_ISDIR(st.st_mode) ? copy_folder(from, to, stop) : copy_plain(from, to, stop);
 }
 
 /* ROOT/<kind>/<two letters>/<name>; makes the folders if asked. False: the path is too long. */
@@ -78,7 +80,7 @@ static bool entry_path(char path[PATH_MAX], const char *root, const char *kind, 
 }
 
 /* Logs grow: they are copied as far as they are. */
-static bw_status copy_logs(const char *from_root, const char *to_root) {
+static bw_status copy_logs(const char *from_root, const char *to_root, const atomic_bool *stop) {
     char from[PATH_MAX], to[PATH_MAX], to_logs[PATH_MAX];
     bw_status status = BW_OK;
     snprintf(to_logs, sizeof to_logs, "%.3800s/logs", to_root);
@@ -91,14 +93,14 @@ static bw_status copy_logs(const char *from_root, const char *to_root) {
         if (n < 5 || n > 100 || strcmp(e->d_name + n - 4, ".log") != 0) continue;
         snprintf(from, sizeof from, "%.3800s/logs/%.100s", from_root, e->d_name);
         snprintf(to, sizeof to, "%.3800s/logs/%.100s", to_root, e->d_name);
-        if (access(from, F_OK) == 0) status = copy_file(from, to, 0600); /* else its job was deleted just now */
+        if (access(from, F_OK) == 0) status = copy_file(from, to, 0600, stop); /* else its job was deleted just now */
     }
     closedir(folder);
     return status == BW_OK ? bw_sync_path(to_logs) : status;
 }
 
 /* Makes the names durable that copy_entry has put into ROOT/<kind>/<two letters>; the folders' own names are. */
-static bw_status sync_kind(const char *root, const char *kind) {
+static bw_status sync_kind(const char *root, const char *kind, const atomic_bool *stop) {
     char path[PATH_MAX];
     bw_status status = BW_OK;
     snprintf(path, sizeof path, "%.3800s/%s", root, kind);
@@ -107,15 +109,15 @@ static bw_status sync_kind(const char *root, const char *kind) {
     for (struct dirent *e; status == BW_OK && (e = readdir(folder));) {
         if (*e->d_name == '.') continue;
         snprintf(path, sizeof path, "%.3800s/%s/%.200s", root, kind, e->d_name);
-        status = bw_sync_path(path);
+        status = bw_stopped(stop) ? BW_E_CANCELLED : bw_sync_path(path);
     }
     closedir(folder);
     return status;
 }
 
-static bw_status sync_entries(const char *root) {
-    bw_status status = sync_kind(root, "blobs");
-    return status == BW_OK ? sync_kind(root, "cache") : status;
+static bw_status sync_entries(const char *root, const atomic_bool *stop) {
+    bw_status status = sync_kind(root, "blobs", stop);
+    return status == BW_OK ? sync_kind(root, "cache", stop) : status;
 }
 
 /* ---- backup ---- */
@@ -123,6 +125,7 @@ static bw_status sync_entries(const char *root) {
 typedef struct {
     const char *from, *to; /* data folders; to: NULL, only listed */
     FILE *manifest;        /* NULL: none is written */
+    const atomic_bool *stop;
     bool check;            /* blobs are to have the hash that their name says */
     bw_backup_report *report;
 } copying;
@@ -139,6 +142,7 @@ static bool has_right_hash(const char *path, const char *name) {
 static bw_status copy_one(void *user, const char *kind, const char *name, int64_t bytes) {
     copying *c = user;
     char from[PATH_MAX], to[PATH_MAX];
+    if (bw_stopped(c->stop)) return BW_E_CANCELLED;
     c->report->files++;
     c->report->bytes += bytes;
     if (!bw_is_sha256(name)) return BW_E_CHECK;
@@ -154,7 +158,7 @@ static bw_status copy_one(void *user, const char *kind, const char *name, int64_
     }
     if (!c->to) return BW_OK;
     if (!entry_path(to, c->to, kind, name, true)) return BW_E_IO;
-    bw_status status = copy_entry(from, to);
+    bw_status status = copy_entry(from, to, c->stop);
     if (status != BW_E_CHECK) return status;
     c->report->damaged++;
     return bw_remove_tree(to);
@@ -172,30 +176,29 @@ static bw_status write_manifest(const char *file, copying *c) {
     return status;
 }
 
-bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retention, const char *file, bool with_files, bw_backup_report *report,
-                         char error[BW_BACKUP_ERROR]) {
+bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retention, const char *file, bool with_files, const atomic_bool *stop,
+                         bw_backup_report *report, char error[BW_BACKUP_ERROR]) {
     char files[PATH_MAX], manifest[PATH_MAX];
     bw_copy_facts facts;
-    copying c = {.from = data, .to = with_files ? files : NULL, .report = report};
+    copying c = {.from = data, .to = with_files ? files : NULL, .stop = stop, .report = report};
     *report = (bw_backup_report){0};
     snprintf(files, sizeof files, "%.4000s.files", file);
     if (*file != '/') return refuse(error, BW_E_USAGE, file, "the name must be absolute");
     if (access(file, F_OK) == 0) return refuse(error, BW_E_USAGE, file, "it is there already");
     if (with_files && mkdir(files, 0700) != 0) return refuse(error, BW_E_IO, files, strerror(errno));
     bw_retention_hold(retention); /* what the copy names stays until it is copied */
-    bw_status status = bw_queue_copy(queue, file);
-    if (status == BW_OK) status = bw_copy_check(file, &facts, error);
+    bw_status status = bw_queue_copy(queue, file, stop, &facts);
     if (status == BW_OK) report->jobs = facts.jobs;
     if (status == BW_OK) status = write_manifest(file, &c);
-    if (status == BW_OK && with_files) status = copy_logs(data, files);
-    if (status == BW_OK && with_files) status = sync_entries(files);
+    if (status == BW_OK && with_files) status = copy_logs(data, files, stop);
+    if (status == BW_OK && with_files) status = sync_entries(files, stop);
     bw_retention_release(retention);
     if (status == BW_OK) return BW_OK;
     unlink(file); /* half a backup is none */
     snprintf(manifest, sizeof manifest, "%.4000s.manifest", file);
     unlink(manifest);
     if (with_files) bw_remove_tree(files);
-    return refuse(error, status, file, "cannot be written, or not whole");
+    return refuse(error, status, file, status == BW_E_CANCELLED ? "the daemon is stopping" : "cannot be written, or not whole");
 }
 
 /* ---- restore ---- */
@@ -217,13 +220,13 @@ bw_status bw_backup_restore(const char *file, const char *data, bw_backup_report
     snprintf(fresh, sizeof fresh, "%.4000s/jobs.db.new", data);
     snprintf(database, sizeof database, "%.4000s/jobs.db", data);
     if (!is_empty(data)) return refuse(error, BW_E_USAGE, data, "the folder is not empty");
-    bw_status status = bw_copy_check(file, &facts, why);
+    bw_status status = bw_copy_check(file, NULL, &facts, why);
     if (status != BW_OK) return refuse(error, status, file, why);
     report->jobs = facts.jobs;
-    status = copy_file(file, fresh, 0600);
+    status = copy_file(file, fresh, 0600, NULL);
     if (status == BW_OK) status = bw_copy_files(fresh, copy_one, &c);
-    if (status == BW_OK) status = copy_logs(files, data);
-    if (status == BW_OK) status = sync_entries(data);
+    if (status == BW_OK) status = copy_logs(files, data, NULL);
+    if (status == BW_OK) status = sync_entries(data, NULL);
     if (status == BW_OK) status = bw_rename(fresh, database); /* last: a folder without it is no whole one */
     return status == BW_OK ? BW_OK : refuse(error, status, data, "cannot be filled");
 }

@@ -18,9 +18,10 @@ typedef struct {
                                 * than their name says: left out */
 } bw_backup_report;
 
-/* While the queue is used and written; nothing is collected meanwhile. `data`: its folder. FILE must not be there. */
-bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retention, const char *file, bool with_files, bw_backup_report *report,
-                         char error[BW_BACKUP_ERROR]);
+/* While the queue is used and written; nothing is collected meanwhile. `data`: its folder. FILE must not be there. If it fails, or is stopped
+ * (queue/backup.h), nothing is left. */
+bw_status bw_backup_make(const char *data, bw_queue *queue, bw_retention *retention, const char *file, bool with_files, const atomic_bool *stop,
+                         bw_backup_report *report, char error[BW_BACKUP_ERROR]);
 /* Fills the folder `data`, which is there and empty. */
 bw_status bw_backup_restore(const char *file, const char *data, bw_backup_report *report, char error[BW_BACKUP_ERROR]);
 

@@ -243,6 +243,7 @@ static bw_status serve(int spawner) {
     if (status != BW_OK) bw_event(BW_ERROR, "daemon.failed", "what=\"%s\" status=%d", what, (int)status);
     bw_http_stop(http);
     bw_health_stop(services.health);
+    bw_retention_stop(retention); /* a backup waits for the end of a pass */
     bw_admin_stop(admin);
     bw_dispatch_stop(services.dispatch);
     bw_watch_close(services.watch);

@@ -152,13 +152,19 @@ bw_status bw_retention_begin(bw_retention *r) {
     return r->has_thread ? BW_OK : BW_E_IO;
 }
 
-void bw_retention_close(bw_retention *r) {
+void bw_retention_stop(bw_retention *r) {
     if (!r) return;
     pthread_mutex_lock(&r->lock);
     atomic_store(&r->stopping, true);
     pthread_cond_signal(&r->changed);
     pthread_mutex_unlock(&r->lock);
     if (r->has_thread) pthread_join(r->thread, NULL);
+    r->has_thread = false;
+}
+
+void bw_retention_close(bw_retention *r) {
+    if (!r) return;
+    bw_retention_stop(r);
     pthread_cond_destroy(&r->changed);
     pthread_mutex_destroy(&r->lock);
     pthread_mutex_destroy(&r->pass);

@@ -24,7 +24,8 @@ extern const char *const bw_keep_names[BW_KEEP_COUNT];
 /* All borrowed. Without bw_retention_begin there is no thread: for who does the daemon's work in its stead. */
 bw_status bw_retention_open(const bw_config *config, bw_store *store, bw_queue *queue, bw_retention **retention);
 bw_status bw_retention_begin(bw_retention *retention); /* starts the thread */
-void bw_retention_close(bw_retention *retention);      /* NULL allowed; a pass under way ends after its step */
+void bw_retention_stop(bw_retention *retention);       /* ends the thread; passes under way, of others too, end after their step */
+void bw_retention_close(bw_retention *retention);      /* stops it first; both allow NULL */
 
 bw_policy bw_retention_policy(const bw_config *config, int64_t now);
 /* One pass, now. `dry`: changes nothing, tells what would go. */

@@ -142,7 +142,7 @@ static bw_status keep_old(bw_sql *sql, const char *path, int64_t version) {
     if (snprintf(name, sizeof name, "%s.v%" PRId64 ".bak", path, version) >= (int)sizeof name - 4) return BW_E_IO;
     snprintf(fresh, sizeof fresh, "%.4000s.new", name);
     unlink(fresh);
-    bw_status status = bw_sql_copy(sql, fresh);
+    bw_status status = bw_sql_copy(sql, fresh, NULL);
     if (status == BW_OK) status = bw_rename(fresh, name); /* durable before the file is changed */
     bw_event(status == BW_OK ? BW_INFO : BW_ERROR, "queue.migrating", "version=%" PRId64 " to=%d copy=%s", version, SCHEMA_VERSION, name);
     return status;

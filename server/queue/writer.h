@@ -60,8 +60,8 @@ void bw_readers_shrink(bw_queue *queue);                 /* those that are free 
 /* schema.c: brings the file to this daemon's version. BW_E_VERSION: it is a newer daemon's. */
 bw_status bw_schema_migrate(bw_sql *sql, const char *path); /* before it changes an older one, PATH.vN.bak becomes a copy of it, durably */
 int64_t bw_schema_version(void);
-/* backup.c: copies the whole file to `to`, which must not be there. */
-bw_status bw_sql_copy(bw_sql *from, const char *to);
+/* backup.c: copies the whole file to `to`, which must not be there. stop: see queue/backup.h. */
+bw_status bw_sql_copy(bw_sql *from, const char *to, const atomic_bool *stop);
 
 /* events.c: appends an event about the job as it is now; outcome may be NULL. *seq (may be NULL): its number. */
 bw_status bw_event_add(bw_writer *w, const char *id, const char *kind, const char *outcome, int64_t now, int64_t *seq);

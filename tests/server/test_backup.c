@@ -23,6 +23,8 @@ static char synced[1 << 16]; /* the folders and files, a blank before and behind
 static pthread_mutex_t synced_lock = PTHREAD_MUTEX_INITIALIZER;
 static char migrated[200]; /* "", or a database: was its folder synced with the copy of it, and with nothing in its WAL? */
 static bool kept_first;
+static int stop_at;         /* the n-th sync from now on sets `stopped`; 0: none does */
+static atomic_bool stopped; /* what is being made is to end */
 
 static void look_at_migration(const char *path) {
     char name[220];
@@ -44,6 +46,7 @@ int fsync(int fd) {
     path[n > 0 ? n : 0] = '\0';
     if (n > 0 && at + (size_t)n + 3 < sizeof synced) snprintf(synced + at, sizeof synced - at, " %s ", path);
     if (n > 0 && *migrated) look_at_migration(path);
+    if (stop_at && --stop_at == 0) stopped = true;
     pthread_mutex_unlock(&synced_lock);
     return (int)syscall(SYS_fsync, fd);
 }
@@ -95,7 +98,7 @@ static void put(bw_job *job, const char *input, int stages) {
 
 static bw_status make(bool files, bw_backup_report *report) {
     char error[BW_BACKUP_ERROR];
-    return bw_backup_make(folder, q, retention, file, files, report, error);
+    return bw_backup_make(folder, q, retention, file, files, &stopped, report, error);
 }
 
 static bw_status restore(bw_backup_report *report) {
@@ -299,6 +302,48 @@ static void what_is_copied_is_synced_by_name(void **state) {
     bw_job_clear(&waits);
 }
 
+static bool anything_is_left(void) {
+    static const char *const ends[] = {"", "-journal", ".manifest", ".manifest.new", ".files"};
+    char name[200];
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        snprintf(name, sizeof name, "%s%s", file, ends[i]);
+        if (access(name, F_OK) == 0) return true;
+    }
+    return false;
+}
+
+static void a_backup_that_is_stopped_leaves_nothing(void **state) {
+    (void)state;
+    bw_job ended, waits;
+    bw_backup_report report;
+    bw_copy_facts facts;
+    char command[500];
+    int ends = 0;
+    fill(&ended, &waits);
+    stopped = true;
+    assert_int_equal(bw_queue_copy(q, file, &stopped, &facts), BW_E_CANCELLED);
+    assert_int_equal(make(true, &report), BW_E_CANCELLED);
+    assert_false(anything_is_left());
+    for (int n = 1; stopped; n++) { /* at the n-th sync, until it has no more of them */
+        stopped = false;
+        stop_at = n;
+        bw_status status = make(true, &report);
+        if (status == BW_OK) { /* behind the last question */
+            snprintf(command, sizeof command, "rm -rf %s %s.manifest %s.files", file, file, file);
+            assert_int_equal(system(command), 0);
+        } else {
+            assert_int_equal(status, BW_E_CANCELLED);
+            ends++;
+        }
+        assert_false(anything_is_left());
+    }
+    stop_at = 0;
+    print_message("stopped at %d places\n", ends);
+    assert_true(ends > 3);
+    bw_job_clear(&ended);
+    bw_job_clear(&waits);
+}
+
 /* ---- under load ---- */
 
 enum { MOST = 20000 };
@@ -414,6 +459,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_damaged_input_is_left_out_and_told, open_all, close_all),
         cmocka_unit_test_setup_teardown(what_is_no_file_is_left_out_and_told, open_all, close_all),
         cmocka_unit_test_setup_teardown(what_is_copied_is_synced_by_name, open_all, close_all),
+        cmocka_unit_test_setup_teardown(a_backup_that_is_stopped_leaves_nothing, open_all, close_all),
         cmocka_unit_test_setup_teardown(a_copy_under_load_has_all_that_was_accepted_before_it_began, open_all, close_all),
         cmocka_unit_test_setup_teardown(an_old_file_is_copied_before_it_is_changed, open_all, close_all),
     };
