@@ -15,7 +15,7 @@
 #include "server/worker/scratch.h"
 #include "server/worker/spawner.h"
 
-enum { MURMUR_MS = 250 };
+enum { MURMUR_MS = 250, POOL_THREADS = 4 };
 
 static bool any_busy(const bw_dispatch *d) {
     for (int i = 0; i < d->config->workers; i++)
@@ -41,7 +41,7 @@ static bw_status read_spawner(bw_dispatch *d) {
         if (r.kind != BW_WORKER_EXITED) continue;
         for (int i = 0; i < d->config->workers; i++) {
             bw_slot *s = &d->slots[i];
-            if (!s->busy || s->token != r.token) continue;
+            if (!bw_slot_runs(s) || s->token != r.token) continue;
             measure(s, &r);
             status = bw_slot_judge(d, s, r.wait_status);
             break;
@@ -49,6 +49,13 @@ static bw_status read_spawner(bw_dispatch *d) {
     }
     if (gone) bw_event(BW_ERROR, "spawner.gone", "running=%d", any_busy(d));
     return gone ? BW_E_IO : status;
+}
+
+static bw_status book_filed(bw_dispatch *d) {
+    bw_status status = BW_OK;
+    for (int i = 0; status == BW_OK && i < d->config->workers; i++)
+        if (d->slots[i].filing && atomic_load(&d->slots[i].output.done)) status = bw_slot_book(d, &d->slots[i]);
+    return status;
 }
 
 /* Looks at the size of the attempt's folder from time to time: the sum of many files is nothing that the kernel limits. */
@@ -71,7 +78,7 @@ static bw_status watch_running(bw_dispatch *d, bool woken) {
     int64_t now = bw_mono_ms();
     for (int i = 0; i < d->config->workers; i++) {
         bw_slot *s = &d->slots[i];
-        if (!s->busy) continue;
+        if (!bw_slot_runs(s)) continue;
         if (s->reason == BW_KEEP && atomic_load(&d->stopping)) bw_slot_stop(d, s, BW_STOP_DAEMON, SIGTERM);
         if (s->reason == BW_KEEP && now >= s->deadline) bw_slot_stop(d, s, BW_STOP_TIME, SIGKILL);
         if (s->reason == BW_KEEP && woken) {
@@ -99,7 +106,7 @@ static int sleep_ms(const bw_dispatch *d, int64_t next_due) {
     if (next_due && next_due - bw_now_ms() < wait) wait = next_due - bw_now_ms();
     for (int i = 0; i < d->config->workers; i++) {
         const bw_slot *s = &d->slots[i];
-        if (!s->busy) continue;
+        if (!bw_slot_runs(s)) continue;
         if (s->reason == BW_KEEP && s->deadline - now < wait) wait = s->deadline - now;
         if (s->reason == BW_KEEP && s->look_at - now < wait) wait = s->look_at - now;
         if (s->kill_at && s->kill_at - now < wait) wait = s->kill_at - now;
@@ -116,14 +123,15 @@ static bw_status turn(bw_dispatch *d, struct pollfd *fds, int64_t *next_due) {
     fds[n++] = (struct pollfd){d->spawner, POLLIN, 0};
     for (int i = 0; i < d->config->workers; i++) {
         const bw_slot *s = &d->slots[i];
-        if (s->busy && s->session.channel >= 0) fds[n++] = (struct pollfd){s->session.channel, POLLIN, 0};
-        if (s->busy && s->session.errors >= 0) fds[n++] = (struct pollfd){s->session.errors, POLLIN, 0};
+        if (bw_slot_runs(s) && s->session.channel >= 0) fds[n++] = (struct pollfd){s->session.channel, POLLIN, 0};
+        if (bw_slot_runs(s) && s->session.errors >= 0) fds[n++] = (struct pollfd){s->session.errors, POLLIN, 0};
     }
     if (poll(fds, n, sleep_ms(d, *next_due)) < 0 && errno != EINTR) return BW_E_IO;
     bool woken = fds[0].revents && read(d->wake, &count, sizeof count) > 0;
     for (int i = 0; i < d->config->workers; i++)
-        if (d->slots[i].busy) bw_slot_listen(d, &d->slots[i], false);
+        if (bw_slot_runs(&d->slots[i])) bw_slot_listen(d, &d->slots[i], false);
     bw_status status = read_spawner(d);
+    if (status == BW_OK) status = book_filed(d);
     if (status == BW_OK) status = watch_running(d, woken);
     bool claims = bw_dispatch_claims(d);
     if (!claims) *next_due = 0;
@@ -164,10 +172,11 @@ bw_status bw_dispatch_start(const bw_config *config, bw_store *store, bw_queue *
     pthread_mutex_init(&d->lock, NULL);
     atomic_store(&d->alive, true);
     if (d->slots && config->workers > 0) bw_dispatch_try_sandbox(d);
-    if (d->wake >= 0 && d->slots && pthread_create(&d->thread, NULL, dispatch_main, d) == 0) {
+    if (d->wake >= 0 && d->slots && bw_pool_open(POOL_THREADS, &d->pool) == BW_OK && pthread_create(&d->thread, NULL, dispatch_main, d) == 0) {
         *out = d;
         return BW_OK;
     }
+    bw_pool_close(d->pool);
     if (d->wake >= 0) close(d->wake);
     free(d->slots);
     free(d);
@@ -230,6 +239,8 @@ void bw_dispatch_stop(bw_dispatch *d) {
     atomic_store(&d->stopping, true);
     bw_dispatch_wake(d);
     pthread_join(d->thread, NULL);
+    bw_pool_close(d->pool); /* outputs that are being filed have their slots */
+    d->pool = NULL;
     for (int i = 0; i < d->config->workers; i++) /* busy only after a fatal error: recovered at the next start */
         if (d->slots[i].busy) bw_slot_release(d, &d->slots[i]);
     close(d->wake);

@@ -3,7 +3,8 @@
  *
  * Invariants
  *  1. An attempt ends when the spawner has reported the worker's exit, never earlier: not by a result alone, not by time.
- *  2. Outputs are filed in the cache before the queue hears of them, and only for the attempt that is still the job's.
+ *  2. Outputs are filed in the cache before the queue hears of them, and only for the attempt that is still the job's. Filing takes long where
+ *     they are large, so threads of a pool do it; the slot stays busy until the dispatcher has booked it.
  *  3. Once a finish is noted, a worker gets SIGUSR1 when it has said hello (or later, as soon as the note is seen). If its search
  *     was cut by that, the output is filed under a key with the job's id, as all that the job makes after it; nobody else is served it.
  *  4. Stages are started only while the memory they need (admission.h) is less than the daemon's share of it; one that needs more runs alone.

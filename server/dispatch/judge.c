@@ -10,7 +10,6 @@
 #include "server/dispatch/slot.h"
 #include "server/log.h"
 #include "server/metrics.h"
-#include "server/worker/scratch.h"
 
 enum { RETRY_PAUSE_MS = 100 };
 
@@ -78,34 +77,48 @@ static const char *told_kind(const bw_slot *s) {
     return !kind ? NULL : strcmp(kind, "tet") == 0 ? "tet" : strcmp(kind, "hex") == 0 ? "hex" : NULL;
 }
 
-/* An output that was filed and not booked goes again, unless another job has made the same and booked it. Only this thread files and books outputs. */
+/* An output that was filed and not booked goes again, unless another job has made the same and booked it. Only this thread books outputs, and
+ * key_is_busy (choose.c) sees to it that nobody else is filing this one. */
 static void withdraw(bw_dispatch *d, const char *key) {
     bool booked = true;
-    if (bw_queue_output(d->queue, key, &booked, NULL) == BW_OK && !booked) bw_store_drop_cached(d->store, key);
+    if (bw_queue_output(d->queue, key, &booked, NULL) == BW_OK && !booked) bw_store_discard_cached(d->store, key);
 }
 
-/* The worker says it is done: files its output and books the stage. Frees the slot. */
+/* The worker says it is done: its output is filed, then booked. */
 static bw_status succeed(bw_dispatch *d, bw_slot *s) {
-    bw_made made = {.key = s->key, .need = told_need(s), .kind = told_kind(s), .cut = json_is_true(json_object_get(s->session.result, "cut"))};
-    json_t *manifest = NULL;
+    bool cut = json_is_true(json_object_get(s->session.result, "cut"));
+    if (cut && !claim_output(s)) return bw_slot_give_up(d, s, BW_PROBLEM_IO, "cannot keep the output", NULL, NULL);
+    s->output.made = (bw_made){.key = s->key, .need = told_need(s), .kind = told_kind(s), .cut = cut};
+    bw_slot_file(d, s);
+    return BW_OK;
+}
+
+/* What is to be booked of the output, or what is wrong with it. */
+static bw_status filed(bw_slot *s, char **manifest) {
+    bw_filing *o = &s->output;
+    bool last = s->job.stage == BW_API_STAGE_COUNT - 1;
+    if (o->status != BW_OK) return o->status;
+    if ((o->manifest != NULL) != last) return BW_E_CHECK;
+    *manifest = last ? json_dumps(o->manifest, JSON_COMPACT) : NULL;
+    return last && !*manifest ? BW_E_MEMORY : BW_OK; /* without it the job would be successful and have no results */
+}
+
+bw_status bw_slot_book(bw_dispatch *d, bw_slot *s) {
     bool done = false, last = s->job.stage + 1 == s->job.stage_count;
-    bw_status status = made.cut && !claim_output(s) ? BW_E_MEMORY : BW_OK;
-    if (status == BW_OK) status = bw_attempt_publish(d->store, s->job.id, s->job.attempt, s->key, &made.bytes, &manifest);
-    if (status == BW_OK && (manifest != NULL) != (s->job.stage == BW_API_STAGE_COUNT - 1)) status = BW_E_CHECK;
-    char *text = status == BW_OK && manifest ? json_dumps(manifest, JSON_COMPACT) : NULL;
-    if (status == BW_OK && manifest && !text) status = BW_E_MEMORY; /* without it the job would be successful and have no results */
-    json_decref(manifest);
+    char *manifest = NULL;
+    if (!s->output.fits) return bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
+    bw_status status = filed(s, &manifest);
     if (status != BW_OK) {
         withdraw(d, s->key);
         return bw_slot_give_up(d, s, status == BW_E_CHECK ? BW_PROBLEM_WORKER_PROTOCOL : BW_PROBLEM_IO,
                        status == BW_E_CHECK ? "the output is not what the stage has to write" : "cannot keep the output",
                        NULL, NULL);
     }
-    made.manifest = text;
-    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &made, bw_now_ms(), &s->spent, &done);
-    free(text);
+    s->output.made.manifest = manifest;
+    status = bw_queue_advance(d->queue, s->job.id, s->job.attempt, &s->output.made, bw_now_ms(), &s->spent, &done);
+    free(manifest);
     if (status == BW_OK && !done) withdraw(d, s->key);
-    if (status == BW_OK && !done) status = dismiss(d, s); /* as above */
+    if (status == BW_OK && !done) status = dismiss(d, s); /* cancelled since it was judged, or not the job's attempt any more */
     else tell_end(d, s, "ok", done);
     if (done && last) bw_event(BW_INFO, "job.successful", "job=%s", s->job.id);
     bw_slot_release(d, s);
@@ -146,10 +159,7 @@ static bw_status judge_worker(bw_dispatch *d, bw_slot *s, int wait_status) {
     const char *code = json_string_value(json_object_get(result, "status"));
     if (s->reason == BW_STOP_PROTOCOL) return bw_slot_give_up(d, s, BW_PROBLEM_WORKER_PROTOCOL, NULL, NULL, NULL);
     if (WIFSIGNALED(wait_status)) return judge_signal(d, s, WTERMSIG(wait_status));
-    if (code && strcmp(code, "ok") == 0 && WEXITSTATUS(wait_status) == 0) {
-        bool fits = bw_scratch_bytes(s->folder, s->limits.scratch) <= s->limits.scratch; /* it may have grown since the last look */
-        return fits ? succeed(d, s) : bw_slot_exceed(d, s, BW_PROBLEM_OUTPUT_LIMIT, "scratch", s->limits.scratch);
-    }
+    if (code && strcmp(code, "ok") == 0 && WEXITSTATUS(wait_status) == 0) return succeed(d, s);
     if (code && strcmp(code, "memory-limit") == 0)
         return bw_slot_give_up(d, s, BW_PROBLEM_MEMORY_LIMIT, NULL, result, &(bw_exceeded){"memory", s->limits.memory});
     if (code && strcmp(code, "ok") != 0 && strcmp(code, "cancelled") != 0)

@@ -54,7 +54,10 @@ void bw_slot_release(bw_dispatch *d, bw_slot *s) {
     bw_session_close(&s->session);
     if (s->folder >= 0) close(s->folder);
     bw_admission_give(&d->admission, s->need);
-    bw_attempt_end(d->store, s->job.id, s->job.attempt);
+    bw_dispatch_remove(d, s->job.id, s->job.attempt);
+    json_decref(s->output.manifest);
+    s->output.manifest = NULL;
+    s->filing = false;
     pthread_mutex_lock(&d->lock);
     bw_job_clear(&s->job);
     memset(&s->job, 0, sizeof s->job);

@@ -3,6 +3,7 @@
  *     choose.c     which job is next, and whether there is memory for it
  *     slot.c       a slot's worker: started, listened to, stopped, released
  *     judge.c      how an attempt has ended, and what is booked of it
+ *     filing.c     what takes long after that, on threads of a pool: hashing, syncing and filing the output, removing the folder
  *     dispatch.c   the thread, and what others ask it
  *
  * All but what is said to be under lock belongs to the dispatcher's thread.
@@ -17,6 +18,7 @@
 #include "server/dispatch/dispatch.h"
 #include "server/failure.h"
 #include "server/limits.h"
+#include "server/pool.h"
 #include "server/worker/admission.h"
 #include "server/worker/session.h"
 
@@ -24,8 +26,19 @@ enum { BW_SCRATCH_LOOK_MS = 250, BW_WAITERS_MOST = 256 };
 
 typedef enum { BW_KEEP, BW_STOP_CANCELLED, BW_STOP_TIME, BW_STOP_SCRATCH, BW_STOP_FLOOD, BW_STOP_PROTOCOL, BW_STOP_DAEMON } bw_stop;
 
+/* An output on its way into the cache: of the pool's thread until `done`. */
+typedef struct {
+    bw_pool_work work;
+    atomic_bool done;
+    bw_made made;      /* need, kind and cut before, the rest after it; its key is the slot's */
+    bool fits;         /* after it: the attempt has not written more than it may */
+    json_t *manifest;  /* of the last stage's */
+    bw_status status;
+} bw_filing;
+
 typedef struct {
     bool busy;
+    bool filing;        /* its worker has ended, and well */
     uint64_t token;
     bw_job job; /* as claimed */
     char key[BW_SHA256_TEXT];
@@ -40,6 +53,8 @@ typedef struct {
     int64_t tell_at;
     int64_t started, deadline, kill_at, look_at; /* monotonic; kill_at 0: no SIGKILL pending; look_at: next look at the folder's size */
     bw_stop reason;
+    struct bw_dispatch *dispatch;
+    bw_filing output;
 } bw_slot;
 
 typedef struct {
@@ -52,6 +67,7 @@ struct bw_dispatch {
     bw_store *store;
     bw_queue *queue;
     bw_watch *watch;
+    bw_pool *pool;
     int spawner, wake, fatal;
     uint64_t tokens;
     pthread_t thread;
@@ -67,6 +83,7 @@ struct bw_dispatch {
 
 /* ---- slot.c ---- */
 
+static inline bool bw_slot_runs(const bw_slot *s) { return s->busy && !s->filing; }
 static inline const bw_api_stage *bw_slot_stage(const bw_slot *s) { return &bw_api_stages[s->job.stage]; }
 static inline void bw_slot_log(bw_slot *s, const char *text) { bw_session_log(&s->session, text); }
 /* Starts the claimed `job`, which is moved into the slot. What a worker needs and cannot have is a failure of the attempt, booked already. */
@@ -94,10 +111,19 @@ static inline bool bw_dispatch_claims(bw_dispatch *d) { return !atomic_load(&d->
 bw_status bw_dispatch_choose(bw_dispatch *d, int64_t *next_due);
 bw_waiter *bw_waiter_find(bw_dispatch *d, const char *job); /* under lock */
 
-/* ---- judge.c: all free the slot ---- */
+/* ---- filing.c ---- */
+
+/* Has the output of an attempt that ended well filed as s->key; the dispatcher is woken when that is done. */
+void bw_slot_file(bw_dispatch *d, bw_slot *s);
+/* Removes the folder of an attempt, some time soon. */
+void bw_dispatch_remove(bw_dispatch *d, const char *job, int attempt);
+
+/* ---- judge.c: all free the slot, but the first if there is an output to be filed ---- */
 
 /* After the spawner has reported the worker's exit. */
 bw_status bw_slot_judge(bw_dispatch *d, bw_slot *s, int wait_status);
+/* After the output has been filed, or not. */
+bw_status bw_slot_book(bw_dispatch *d, bw_slot *s);
 /* Books a failure: retried if it is the system's and there are tries left. `detail` or `error` (the worker's result) says what; exceeded may be NULL. */
 bw_status bw_slot_give_up(bw_dispatch *d, bw_slot *s, bw_problem problem, const char *detail, const json_t *error,
                           const bw_exceeded *exceeded);

@@ -63,6 +63,20 @@ void kit_start(kit_daemon *d, const char *worker, const char *const *arguments) 
     kit_restart(d, arguments);
 }
 
+void kit_shim(const char *rules) {
+    char sanitizer[400];
+    const char *asan = getenv("ASAN_OPTIONS");
+    if (!rules) {
+        unsetenv("BW_SHIM");
+        unsetenv("LD_PRELOAD");
+        return;
+    }
+    snprintf(sanitizer, sizeof sanitizer, "%s:verify_asan_link_order=0", asan ? asan : ""); /* the shim comes before its library */
+    setenv("BW_SHIM", rules, 1);
+    setenv("LD_PRELOAD", BW_BIN_DIR "/torture_shim.so", 1);
+    setenv("ASAN_OPTIONS", sanitizer, 1);
+}
+
 void kit_kill(kit_daemon *d, int signal) {
     assert_int_not_equal(d->pid, 0);
     kill(d->pid, signal);

@@ -25,6 +25,8 @@ typedef struct {
  * listens. kit_start makes the folder, kit_restart uses it again. */
 void kit_start(kit_daemon *daemon, const char *worker, const char *const *arguments);
 void kit_restart(kit_daemon *daemon, const char *const *arguments);
+/* Daemons that are started from now on have system calls that go wrong by these rules of tests/torture/shim.c; NULL: none any more. */
+void kit_shim(const char *rules);
 void kit_kill(kit_daemon *daemon, int signal); /* and waits for its end */
 int kit_stop(kit_daemon *daemon);              /* SIGTERM; returns the exit code */
 void kit_remove(kit_daemon *daemon);           /* stops it if it runs, deletes the folder */

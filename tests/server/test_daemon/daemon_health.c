@@ -165,18 +165,13 @@ static void a_data_folder_that_cannot_be_written_is_told(void **state) {
     expect_verdict("fsync", "ok", 200);
 }
 
-/* Starts with a disk that goes wrong by plan (tests/torture/shim.c) for the probe's file. */
+/* Starts with a disk that goes wrong for the probe's file. */
 static void start_with_shim(const char *what, const char *const *arguments) {
-    char rules[120], sanitizer[400];
-    const char *asan = getenv("ASAN_OPTIONS");
+    char rules[120];
     snprintf(rules, sizeof rules, "call=fdatasync,path=*/tmp/probe,times=0,do=%s", what);
-    snprintf(sanitizer, sizeof sanitizer, "%s:verify_asan_link_order=0", asan ? asan : ""); /* the shim comes before its library */
-    setenv("BW_SHIM", rules, 1);
-    setenv("LD_PRELOAD", BW_BIN_DIR "/torture_shim.so", 1);
-    setenv("ASAN_OPTIONS", sanitizer, 1);
+    kit_shim(rules);
     start(arguments);
-    unsetenv("BW_SHIM");
-    unsetenv("LD_PRELOAD");
+    kit_shim(NULL);
 }
 
 static void a_slow_disk_is_warned_of_and_one_that_does_not_answer_is_not_ready(void **state) {
