@@ -53,6 +53,15 @@ static bw_status take_folder(void) {
     return BW_E_IO;
 }
 
+/* One that was there keeps the rights that the operator has given it. What is in it has its own (main), but not what others put there. */
+static void warn_about_folder(void) {
+    struct stat info;
+    if (stat(config.data, &info) != 0 || !(info.st_mode & 077)) return;
+    char quoted[PATH_MAX];
+    bw_event(BW_WARN, "data.open", "mode=%04o advice=\"others may enter, list or change it; chmod 0700 keeps them out\" path=%s",
+             (unsigned)info.st_mode & 07777, bw_quoted(config.data, quoted, sizeof quoted));
+}
+
 /* An address that others reach is for daemons with tokens. */
 static bw_status check_open(bw_access *access) {
     if (bw_config_is_loopback(&config) || !bw_access_is_open(access)) return BW_OK;
@@ -290,6 +299,7 @@ static int serve_command(int argc, char **argv) {
     if (!bw_config_make_data(&config, error)) return complain(error);
     configure_log(&config);
     warn_about_environment();
+    warn_about_folder();
     if (bw_spawner_start(config.data, config.worker, &spawner) != BW_OK) {
         bw_event(BW_ERROR, "daemon.failed", "what=spawner errno=%d", errno);
         return 5;

@@ -304,12 +304,26 @@ static void what_is_in_an_open_folder_is_not_open(void **state) {
     assert_true(modes_seen > 10);
 }
 
+static void a_folder_that_is_open_is_told_and_left_as_it_is(void **state) {
+    (void)state;
+    struct stat info;
+    start_with("");
+    assert_false(logged("event=data.open"));
+    assert_int_equal(kit_stop(&d), 0);
+    assert_int_equal(chmod(d.data, 0750), 0);
+    kit_restart(&d, NULL);
+    assert_true(logged("level=warn event=data.open mode=0750 advice=\"others may enter, list or change it; chmod 0700 keeps them out\" path=\"/tmp/"));
+    assert_int_equal(stat(d.data, &info), 0);
+    assert_int_equal(info.st_mode & 07777, 0750);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(sighup_takes_over_what_can_be_and_says_what_cannot, remove_daemon),
         cmocka_unit_test_teardown(a_mistake_in_the_file_at_sighup_changes_nothing, remove_daemon),
         cmocka_unit_test_teardown(a_draining_daemon_ends_what_runs_begins_nothing_and_is_not_ready, remove_daemon),
         cmocka_unit_test_teardown(what_is_in_an_open_folder_is_not_open, remove_daemon),
+        cmocka_unit_test_teardown(a_folder_that_is_open_is_told_and_left_as_it_is, remove_daemon),
         cmocka_unit_test_teardown(a_second_sigterm_ends_the_grace, remove_daemon),
         cmocka_unit_test_teardown(without_a_grace_a_running_stage_is_given_back_at_once, remove_daemon),
         cmocka_unit_test_teardown(systemd_is_told_of_start_reload_and_end, remove_daemon),
