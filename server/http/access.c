@@ -252,12 +252,27 @@ static void kept(bw_request *r) {
     else k->then(r);
 }
 
-bool bw_http_blob_fits(bw_request *r, uint64_t bytes) {
-    bw_limits limits = {.bytes = (int64_t)r->services->config->owner_bytes};
+/* What the caller may have, and has. False after a reply. */
+static bool ask_owner(bw_request *r, bw_limits *limits, bw_owner *has) {
+    const bw_config *config = r->services->config;
     bw_queue *queue = r->services->queue;
+    *limits = (bw_limits){.queued = config->owner_jobs, .bytes = (int64_t)config->owner_bytes};
+    if (bw_queue_limits(queue, r->caller.owner, limits) != BW_OK || bw_queue_owner(queue, r->caller.owner, has) != BW_OK) bw_reply_storage(r);
+    return !r->reply;
+}
+
+bool bw_http_blob_fits(bw_request *r, uint64_t bytes) {
+    bw_limits limits;
     bw_owner has;
-    if (bw_queue_limits(queue, r->caller.owner, &limits) != BW_OK || bw_queue_owner(queue, r->caller.owner, &has) != BW_OK) bw_reply_storage(r);
-    else if (limits.bytes && (bytes > (uint64_t)limits.bytes || has.bytes > limits.bytes - (int64_t)bytes)) bw_http_reply_too_large(r, limits.bytes);
+    if (ask_owner(r, &limits, &has) && limits.bytes && (bytes > (uint64_t)limits.bytes || has.bytes > limits.bytes - (int64_t)bytes))
+        bw_http_reply_too_large(r, limits.bytes);
+    return !r->reply;
+}
+
+bool bw_http_job_fits(bw_request *r) {
+    bw_limits limits;
+    bw_owner has;
+    if (ask_owner(r, &limits, &has) && limits.queued && has.waiting + has.running >= limits.queued) bw_http_reply_too_many(r, limits.queued);
     return !r->reply;
 }
 

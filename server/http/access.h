@@ -28,6 +28,8 @@ bool bw_http_has_blob(void *store, const char *sha256); /* for bw_submit */
 int bw_http_open_blob(const bw_request *request, const char *sha256, uint64_t *bytes, bool *fresh);
 /* Has the caller room for so many bytes more (owner-bytes)? False after a reply. */
 bool bw_http_blob_fits(bw_request *request, uint64_t bytes);
+/* May the caller have one job more that waits or runs (owner-jobs)? False after a reply. */
+bool bw_http_job_fits(bw_request *request);
 /* Notes durably that the caller has the blob, which the store has already: suspends the request; `then` is called when that is done and
  * replies, unless it could not be done or is too much, which is replied here. Takes the request's state and resume. */
 void bw_http_keep_blob(bw_request *request, const char *sha256, uint64_t bytes, void (*then)(bw_request *request));

@@ -48,7 +48,7 @@ static enum MHD_Result refuse_parameter(void *user, enum MHD_ValueKind kind, con
     return MHD_NO;
 }
 
-/* Whatever is wrong with the description is told before the input is sent. */
+/* Whatever is wrong with the description is told before the input is sent, and that it is one job too many, unless it may be one that there is. */
 static void begin_input(bw_request *r) {
     bw_job job = {0};
     if (!bw_http_blob_sized(r)) return;
@@ -57,7 +57,8 @@ static void begin_input(bw_request *r) {
         return;
     }
     json_t *asked = bw_http_query_job(r);
-    if (asked && bw_http_read_description(r, asked, "", &job)) bw_http_receive_blob(r, false);
+    if (asked && bw_http_read_description(r, asked, "", &job) && (bw_request_header(r, "Idempotency-Key") || bw_http_job_fits(r)))
+        bw_http_receive_blob(r, false);
     bw_job_clear(&job);
     json_decref(asked);
 }

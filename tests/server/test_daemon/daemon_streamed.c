@@ -1,5 +1,6 @@
 /* Jobs created by one request that has the input as its body and the description in its query. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "bw_api.h"
@@ -121,6 +122,28 @@ static void limits_of_uploads_hold(void **state) {
     refused("", "Content-Encoding: gzip", "# not packed\n", 400, "bad-coding");
 }
 
+/* The headers alone, as of clients that wait for leave to go on. */
+static void expect_before_the_body(const char *more, const char *word) {
+    char text[300];
+    int n = snprintf(text, sizeof text, "POST /v1/jobs?complex=bc HTTP/1.1\r\nHost: %s\r\nContent-Length: 3000\r\nExpect: 100-continue\r\nConnection: close\r\n%s\r\n",
+                     d.address, more);
+    char *answer = kit_raw(&d, text, (size_t)n, true);
+    if (!strstr(answer, word)) fail_msg("%s", answer);
+    free(answer);
+}
+
+static void one_job_too_many_is_told_before_the_body(void **state) {
+    (void)state;
+    kit_daemon first = d;
+    char id[32];
+    kit_start(&d, NULL, (const char *[]){"--owner-jobs", "1", NULL});
+    kit_submit(&d, "sanitize sleep 30000\n", NULL, id);
+    expect_before_the_body("", "too-many-jobs");
+    expect_before_the_body("Idempotency-Key: k\r\n", "100 Continue"); /* it may have been accepted before */
+    kit_remove(&d);
+    d = first;
+}
+
 static void with_a_key_it_is_done_once(void **state) {
     (void)state;
     static const char keyed[] = "Idempotency-Key: k";
@@ -147,6 +170,7 @@ int main(void) {
         cmocka_unit_test(the_body_is_the_input_and_the_query_its_description),
         cmocka_unit_test(mistakes_of_the_query_are_told_with_their_names),
         cmocka_unit_test(limits_of_uploads_hold),
+        cmocka_unit_test(one_job_too_many_is_told_before_the_body),
         cmocka_unit_test(with_a_key_it_is_done_once),
         cmocka_unit_test(a_connection_that_breaks_leaves_nothing),
     };
