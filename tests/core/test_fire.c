@@ -65,7 +65,7 @@ static size_t count_flagged(const fixture *f, uint8_t flag) {
 /* A cell of a block and the plane across the middle of the block's axis in it, if the cell reaches it:
  * BW_NONE if none does. */
 static bw_cell middle_of_block(const fixture *f, bw_block block, int axis, bw_plane *plane) {
-    for (size_t cell = 0; cell < f->complex.cell_count; cell++) {
+    for (bw_cell cell = 0; (size_t)cell < f->complex.cell_count; cell++) {
         if (f->complex.cell_block[cell] != block) continue;
         bw_transition back = bw_transition_inverse(bw_complex_chart(&f->complex, cell));
         *plane =

@@ -94,7 +94,7 @@ static void expect_nearest(const mpq_t exact, double v, const char *text) {
     mpq_sub(d, d, exact);
     mpq_abs(d, d);
     for (int side = -1; side <= 1; side += 2) {
-        mpq_set_d(e, nextafter(v, side * INFINITY));
+        mpq_set_d(e, nextafter(v, (double)side * INFINITY));
         mpq_sub(e, e, exact);
         mpq_abs(e, e);
         int order = mpq_cmp(d, e);

@@ -383,7 +383,7 @@ static void count_report(void *user, const char *stage, double fraction) {
 static char *big_text(size_t vertices, size_t *size) {
     char *text = malloc(vertices * 24 + 200);
     size_t n = (size_t)sprintf(text, "%zu\n", vertices);
-    for (size_t i = 0; i < vertices; i++) n += (size_t)sprintf(text + n, "%.3f %.3f %.3f\n", i * 0.001, 1.0, 2.0);
+    for (size_t i = 0; i < vertices; i++) n += (size_t)sprintf(text + n, "%.3f %.3f %.3f\n", (double)i * 0.001, 1.0, 2.0);
     *size = n + (size_t)sprintf(text + n, "1\n%s", TET0);
     return text;
 }

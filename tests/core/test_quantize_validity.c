@@ -299,7 +299,7 @@ static void loops_of_finite_order_must_not_collapse(void **state) {
         size_t gone = 0;
         assert_true(m->free_count <= 16);
         for (uint32_t code = 0; code < 1u << m->free_count; code++) {
-            for (size_t f = 0; f < m->free_count; f++) unknown[f] = code >> f & 1;
+            for (size_t i = 0; i < m->free_count; i++) unknown[i] = code >> i & 1;
             bw_quant_model_expand(m, unknown, value);
             bw_quant_model_lengths(m, value, q.length);
             if (bw_quant_model_hexes(m, value)) continue;

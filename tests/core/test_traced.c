@@ -189,7 +189,7 @@ static void printed_parameters_are_the_exact_ones_on_any_grid(void **state) {
     size_t kinds[4] = {0};
     mpq_t q[3];
     mpq_inits(q[0], q[1], q[2], NULL);
-    for (size_t c = 0; c < f.cells.cell_count; c++)
+    for (bw_cell c = 0; (size_t)c < f.cells.cell_count; c++)
         for (bw_polygon p = bw_cells_first_in_cell(&f.cells, c); p != BW_NONE;
              p = bw_cells_next_in_cell(&f.cells, p, (bw_cell)c)) {
             bw_cvertex v = f.cells.half[f.cells.polygon[p].half].origin;

@@ -33,10 +33,10 @@ static bool check_by_other(const char *traced) {
     return count > 0;
 }
 
-static json_int_t repaired(const char *folder, const char *what) {
+static json_int_t repaired(const char *results, const char *what) {
     char path[1100];
     json_error_t error;
-    snprintf(path, sizeof path, "%s/report.json", folder);
+    snprintf(path, sizeof path, "%s/report.json", results);
     json_t *root = json_load_file(path, 0, &error);
     assert_non_null(root);
     const json_t *section = json_object_get(json_object_get(root, "sanitize"), "repaired");
@@ -47,21 +47,21 @@ static json_int_t repaired(const char *folder, const char *what) {
 
 /* Runs the damaged file as it is, which fails with the places, and with repair. */
 static void run_damaged(const char *name, const char *input) {
-    const char *folder = kit_temp_path("out"), *traced = kit_temp_path("out/traced.hexex");
+    const char *results = kit_temp_path("out"), *traced = kit_temp_path("out/traced.hexex");
     bw_context ctx;
     bw_options options;
     traced_verdict verdict;
     bw_options_defaults(&options);
     bw_context_init(&ctx);
-    kit_expect_status(&ctx, bw_run(&ctx, &options, input, folder), BW_E_INVERTED);
+    kit_expect_status(&ctx, bw_run(&ctx, &options, input, results), BW_E_INVERTED);
     assert_in_range(ctx.error.region_count, 1, FOLDS);
     bw_context_init(&ctx);
     options.repair = true;
-    kit_expect_ok(&ctx, bw_run(&ctx, &options, input, folder));
+    kit_expect_ok(&ctx, bw_run(&ctx, &options, input, results));
     assert_int_equal(ctx.memory.used, 0);
-    print_message("%s: %d tets in %d regions, %d vertices moved\n", name, (int)repaired(folder, "tets"),
-                  (int)repaired(folder, "regions"), (int)repaired(folder, "vertices_moved"));
-    assert_true(repaired(folder, "tets") >= 1 && repaired(folder, "vertices_moved") >= 1);
+    print_message("%s: %d tets in %d regions, %d vertices moved\n", name, (int)repaired(results, "tets"),
+                  (int)repaired(results, "regions"), (int)repaired(results, "vertices_moved"));
+    assert_true(repaired(results, "tets") >= 1 && repaired(results, "vertices_moved") >= 1);
     char *text = kit_read_file(traced, NULL);
     assert_true(traced_check(text, true, &verdict));
     free(text);
@@ -126,15 +126,15 @@ static void damage_file(const char *from, const char *to, kit_random *random) {
 /* BW_REPAIR_FILES=all takes every file. */
 static void folded_files_of_the_shared_data_pass_all_stages(void **state) {
     size_t count;
-    const char *folder = kit_shared("data/tet"), *all = getenv("BW_REPAIR_FILES");
-    char **names = kit_names(folder, ".hexex", &count);
+    const char *data = kit_shared("data/tet"), *all = getenv("BW_REPAIR_FILES");
+    char **names = kit_names(data, ".hexex", &count);
     kit_random random = kit_random_start(2);
     (void)state;
     for (size_t i = 0; i < count; i++) {
         char path[1100];
         if (!all && i % (count / FILES)) continue;
         const char *damaged = kit_temp_path("damaged.hexex");
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        snprintf(path, sizeof path, "%s/%s", data, names[i]);
         damage_file(path, damaged, &random);
         run_damaged(names[i], damaged);
     }

@@ -61,7 +61,7 @@ static void prometheus_labels(const char *text, char *rest, size_t room, double 
 
 static void prometheus_histogram(prometheus_state *s, const char *suffix, const char *labels, double le, double value) {
     if (strcmp(suffix, "_bucket") == 0) {
-        assert_false(isnan(le));
+        assert_true(!isnan(le));
         if (!s->has_open) snprintf(s->open, sizeof s->open, "%s", labels), s->has_open = true, s->has_sum = false, s->bound = -INFINITY, s->bucket = 0;
         assert_string_equal(s->open, labels);
         assert_true(le > s->bound && value >= s->bucket);

@@ -26,11 +26,11 @@ static bool kept_first;
 static int stop_at;         /* the n-th sync from now on sets `stopped`; 0: none does */
 static atomic_bool stopped; /* what is being made is to end */
 
-static void look_at_migration(const char *path) {
+static void look_at_migration(const char *synced_file) {
     char name[220];
     struct stat wal;
-    size_t n = strlen(path);
-    if (strncmp(migrated, path, n) != 0 || migrated[n] != '/') return;
+    size_t n = strlen(synced_file);
+    if (strncmp(migrated, synced_file, n) != 0 || migrated[n] != '/') return;
     snprintf(name, sizeof name, "%s-wal", migrated);
     bool begun = stat(name, &wal) == 0 && wal.st_size > 0;
     snprintf(name, sizeof name, "%s.v1.bak", migrated);
@@ -38,14 +38,14 @@ static void look_at_migration(const char *path) {
 }
 
 int fsync(int fd) {
-    char link[32], path[400];
+    char link[32], name[400];
     snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
-    ssize_t n = readlink(link, path, sizeof path - 1);
+    ssize_t n = readlink(link, name, sizeof name - 1);
     pthread_mutex_lock(&synced_lock);
     size_t at = strlen(synced);
-    path[n > 0 ? n : 0] = '\0';
-    if (n > 0 && at + (size_t)n + 3 < sizeof synced) snprintf(synced + at, sizeof synced - at, " %s ", path);
-    if (n > 0 && *migrated) look_at_migration(path);
+    name[n > 0 ? n : 0] = '\0';
+    if (n > 0 && at + (size_t)n + 3 < sizeof synced) snprintf(synced + at, sizeof synced - at, " %s ", name);
+    if (n > 0 && *migrated) look_at_migration(name);
     if (stop_at && --stop_at == 0) stopped = true;
     pthread_mutex_unlock(&synced_lock);
     return (int)syscall(SYS_fsync, fd);
@@ -193,9 +193,9 @@ static void jobs_whose_files_were_not_kept_end_as_failed(void **state) {
     bw_job_clear(&waits);
 }
 
-static void damage(const char *path, off_t at) {
-    int fd = open(path, O_WRONLY);
-    if (fd < 0) chmod(path, 0600), fd = open(path, O_WRONLY);
+static void damage(const char *name, off_t at) {
+    int fd = open(name, O_WRONLY);
+    if (fd < 0) chmod(name, 0600), fd = open(name, O_WRONLY);
     assert_true(fd >= 0 && pwrite(fd, "\xff\xff\xff\xff\xff\xff\xff\xff", 8, at) == 8);
     close(fd);
 }

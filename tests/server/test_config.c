@@ -184,7 +184,7 @@ static void what_is_printed_is_a_file_that_gives_the_same_again(void **state) {
     bw_config_print(&config, f);
     fclose(f);
     for (char *a = first, *b = strchr(second, '\n') + 1; *a; a = strchr(a, '\n') + 1, b = strchr(b, '\n') + 1) /* b begins with # config */
-        assert_memory_equal(a, b, strstr(a, "  # ") - a);
+        assert_memory_equal(a, b, (size_t)(strstr(a, "  # ") - a));
     free(first);
     free(second);
 }

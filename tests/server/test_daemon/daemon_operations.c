@@ -213,7 +213,7 @@ static void the_watchdog_is_patted_while_the_dispatcher_turns(void **state) {
     (void)state;
     int n = snprintf(address.sun_path + 1, sizeof address.sun_path - 1, "bw-notify-%d", (int)getpid()); /* abstract */
     int fd = open_notify_socket(&address, (socklen_t)(sizeof address.sun_family + 1 + (size_t)n));
-    char name[80];
+    char name[sizeof address.sun_path + 1];
     snprintf(name, sizeof name, "@%s", address.sun_path + 1);
     setenv("NOTIFY_SOCKET", name, 1);
     setenv("WATCHDOG_USEC", "100000", 1);
