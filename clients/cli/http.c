@@ -107,6 +107,10 @@ bool cli_http_lost(const cli_http *http) {
     }
 }
 
+bool cli_reply_passes(const cli_reply *reply) {
+    return reply->status == 502 || reply->status == 503 || reply->status == 504;
+}
+
 void cli_reply_clear(cli_reply *reply) {
     free(reply->body);
     memset(reply, 0, sizeof *reply);
@@ -195,7 +199,9 @@ static bool perform(cli_http *http, cli_reply *reply) {
     if (reply->status) http->answers = true;
     if (code == CURLE_OK || (code == CURLE_SEND_ERROR && reply->status >= 400)) return true;
     snprintf(http->text, sizeof http->text, "%s", http->error[0] ? http->error : curl_easy_strerror(code));
+    long status = reply->status;
     cli_reply_clear(reply);
+    reply->status = status;
     return false;
 }
 

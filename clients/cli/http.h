@@ -2,7 +2,7 @@
  * downloads.
  *
  * A reply is any HTTP answer, also an error; a call fails only if there is none (no connection, broken
- * transfer), and then cli_http_error() tells why. cli_http_json() is the convenient form: it also prints
+ * transfer; then the reply has no body, and the status if that came), and then cli_http_error() tells why. cli_http_json() is the convenient form: it also prints
  * problems and turns them into exit codes.
  */
 #ifndef BW_CLI_HTTP_H
@@ -54,6 +54,8 @@ bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t lim
 bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, const char *bytes, size_t size), void *user,
                      cli_reply *reply);
 void cli_reply_clear(cli_reply *reply);
+/* Is it the answer of a proxy whose daemon is not there, or of a daemon that stops or cannot just now: 502, 503, 504? */
+bool cli_reply_passes(const cli_reply *reply);
 
 /* Sends a request and parses the answer, which must have a 2xx status and be JSON. NULL otherwise: the reason
  * is on standard error and *exit_code is set. json_decref() the result. */

@@ -1,7 +1,6 @@
 /* blockwright log: what the workers of a job had to say. */
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #include "remote.h"
 #include "stream.h"
@@ -32,15 +31,8 @@ static int show(cli_http *http, const char *path) {
     return code;
 }
 
-typedef struct {
-    bool ended;
-    double heard; /* when the daemon last said something; 0: never */
-} following;
-
 static void on_event(void *user, const char *event, const char *data, size_t size) {
-    following *f = user;
-    f->heard = cli_now();
-    if (!strcmp(event, "end")) f->ended = true;
+    if (!strcmp(event, "end")) *(bool *)user = true;
     if (strcmp(event, "log") != 0) return;
     cli_print_lines(stdout, data, size);
     putchar('\n');
@@ -49,22 +41,23 @@ static void on_event(void *user, const char *event, const char *data, size_t siz
 
 /* A daemon that is restarted meanwhile is waited for, and tells what comes after the last line seen. */
 static int follow(cli_http *http, const char *path) {
-    following f = {0};
-    cli_events events = {.fn = on_event, .user = &f};
+    bool ended = false;
+    double heard = 0; /* when the daemon was last there; 0: never */
+    cli_events events = {.fn = on_event, .user = &ended};
     int code = CLI_DONE;
     for (bool go_on = true; go_on;) {
         cli_reply reply;
-        bool answered = cli_follow(http, path, &events, &reply);
-        if (answered && reply.status == 200) f.heard = cli_now();
-        go_on = !f.ended && (!answered || reply.status == 200);
-        if (answered && reply.status != 200 && reply.status != 204) {
-            code = cli_http_refused(http, &reply);
-        } else if (go_on && cli_now() - f.heard > patience_seconds) {
-            code = cli_http_failed(http);
+        bool answered = cli_follow(http, path, &events, &reply), away = !answered || cli_reply_passes(&reply);
+        if (reply.status == 200) heard = cli_now();
+        go_on = !ended && (away || reply.status == 200);
+        if (go_on && cli_now() - heard > patience_seconds) {
+            code = answered ? cli_http_refused(http, &reply) : cli_http_failed(http);
             go_on = false;
+        } else if (!away && reply.status != 200 && reply.status != 204) {
+            code = cli_http_refused(http, &reply);
         }
         cli_reply_clear(&reply);
-        if (go_on) nanosleep(&(struct timespec){0, 500000000}, NULL);
+        if (go_on) cli_pause(0.5);
     }
     cli_events_clear(&events);
     return code;

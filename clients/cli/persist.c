@@ -41,7 +41,7 @@ bool cli_persist(cli_persistence *p, bool (*send)(void *user, cli_reply *reply),
     do {
         bool answered = send(user, reply);
         long status = answered ? reply->status : 0;
-        if (answered && status != 502 && status != 503 && status != 504) {
+        if (answered && !cli_reply_passes(reply)) {
             *code = CLI_DONE;
             cli_persist_got_on(p);
             return true;

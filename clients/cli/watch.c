@@ -25,11 +25,14 @@ static json_t *ask(cli_http *http, const char *id, double patience, int *exit_co
     cli_reply reply;
     double started = cli_now();
     snprintf(path, sizeof path, "/v1/jobs/%s", id);
-    while (!cli_http_call(http, "GET", path, NULL, &reply)) {
-        if (cli_now() - started > patience) {
+    for (;;) {
+        bool answered = cli_http_call(http, "GET", path, NULL, &reply), late = cli_now() - started > patience;
+        if (answered && (late || !cli_reply_passes(&reply))) break;
+        if (late) {
             *exit_code = cli_http_failed(http);
             return NULL;
         }
+        cli_reply_clear(&reply);
         cli_pause(0.5);
     }
     json_t *job = reply.status == 200 ? json_loads(reply.body ? reply.body : "", 0, NULL) : NULL;

@@ -190,7 +190,16 @@ stream_line() {
     esac
 }
 
+# Is it a proxy that answers, whose daemon is not there, or a daemon that stops just now?
+away() {
+    case $status in
+    502 | 503 | 504) return 0 ;;
+    esac
+    return 1
+}
+
 silent() {
+    away && complain "$work/body" '' ''
     error "$server does not answer: $(sed 's/^curl: //' "$work/curl" | head -n 1)"
     exit 5
 }
@@ -359,7 +368,7 @@ watch() {
     last=
     while :; do
         ended=no
-        if request GET "/v1/jobs/$1"; then
+        if request GET "/v1/jobs/$1" && ! away; then
             silence=0
             [ "$status" = 200 ] || complain "$work/body" '' ''
             state=$(value "$work/body" state 1)
@@ -400,6 +409,7 @@ follow_log() {
         case $status in
         200) silence=0 ;;
         204) return ;;
+        502 | 503 | 504) wait_for_it ;;
         [345]??) complain "$work/body" '' '' ;;
         *) wait_for_it ;;
         esac

@@ -19,6 +19,8 @@ typedef struct {
     int64_t down;       /* bytes of the daemon after which a connection is broken; 0: none is */
     int cuts;           /* connections that are broken so, no more */
     pid_t victim;       /* killed when the first one is broken; 0: nobody */
+    int away;           /* requests after the first break that are answered with 503, as by a proxy whose daemon is just being started */
+    int refusals;       /* of them, those that are left */
     bool moody;         /* the first request of a kind is cut off unanswered, the second answered with 503 */
     int busy;           /* seconds of Retry-After in those 503; 0: none */
     bool loses_answer;  /* the first job that is asked for is made, and nobody told */
@@ -99,6 +101,11 @@ static bool is_moody(proxy *p, int client) {
     size_t kind = 0;
     clock_gettime(CLOCK_MONOTONIC, &now);
     if (now.tv_sec < p->due.tv_sec || (now.tv_sec == p->due.tv_sec && now.tv_nsec < p->due.tv_nsec)) note('!');
+    if (p->refusals) {
+        p->refusals--;
+        be_busy(p, client);
+        return true;
+    }
     if (!p->moody || recv(client, start, sizeof start - 1, MSG_PEEK) <= 0) return false;
     while (kind < KINDS && strncmp(start, kinds[kind], strlen(kinds[kind])) != 0) kind++;
     if (kind == KINDS || p->asked[kind] == 2) return false;
@@ -115,6 +122,7 @@ static void serve(proxy *p) {
         if (server >= 0 && carry(p, client, server)) {
             note('x');
             if (p->cuts) p->cuts--;
+            p->refusals = p->away, p->away = 0;
             if (p->victim) kill(p->victim, SIGKILL), p->victim = 0, p->quota = 0;
         }
         if (server >= 0) close(server);
@@ -294,12 +302,14 @@ static kit_result call(bool shell, const char *url, const char *command, const c
 enum { CUTS = 7, DOWN = 500 }; /* an answer's head and a bit of the log */
 
 /* A job that has just begun, of another kind than the one before. */
-static char *new_job(bool other) {
+static char *new_job(int kind) {
+    char hexes[16];
+    snprintf(hexes, sizeof hexes, "%d", 3000 + 500 * kind);
     const char *part = kit_temp_path("part.hexex");
     kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "cuboid", "-o", part, NULL});
     assert_int_equal(r.exit, 0);
     kit_result_clear(&r);
-    r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--quantize", "any", "--target-hexes", other ? "3000" : "4000", "--server", here.url, "--quiet", NULL});
+    r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--quantize", "any", "--target-hexes", hexes, "--server", here.url, "--quiet", NULL});
     assert_int_equal(r.exit, 0);
     char *id = strndup(r.out, strcspn(r.out, "\n"));
     kit_result_clear(&r);
@@ -308,9 +318,10 @@ static char *new_job(bool other) {
 
 static void a_log_is_followed_past_every_break_without_loss_or_repetition(void **state) {
     (void)state;
-    for (int shell = 0; shell < 2; shell++) {
-        proxy p = {.down = DOWN, .cuts = CUTS};
-        char *id = new_job(shell);
+    for (int i = 0; i < 4; i++) {
+        bool shell = i & 1;
+        proxy p = i < 2 ? (proxy){.down = 240, .cuts = 1} : (proxy){.down = DOWN, .cuts = CUTS, .away = 3}; /* 240: behind the head */
+        char *id = new_job(i);
         proxy_start(&p);
         kit_result r = call(shell, p.url, "log", id, "--follow");
         assert_true(proxy_stop(&p) > 0);
@@ -328,6 +339,24 @@ static size_t lines_of(const char *text, const char *line) {
     return n;
 }
 
+/* A job that searches for two seconds. */
+static char *new_search(const char *part, const char *seed) {
+    kit_result r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--explore", "anneal", "--explore-work", "1000000000", "--explore-time", "2",
+                                            "--seed", seed, "--server", here.url, "--quiet", NULL});
+    assert_int_equal(r.exit, 0);
+    char *id = strndup(r.out, strcspn(r.out, "\n"));
+    kit_result_clear(&r);
+    return id;
+}
+
+static kit_result watch_past_breaks(bool shell, const char *id, int away) {
+    proxy p = {.down = 3000, .cuts = CUTS, .away = away};
+    proxy_start(&p);
+    kit_result r = call(shell, p.url, "watch", id, NULL);
+    assert_true(proxy_stop(&p) > 0);
+    return r;
+}
+
 /* The shell's client tells each stage once; it joins while the search runs, so what was before is not told. */
 static void a_job_is_watched_past_every_break_to_its_end(void **state) {
     (void)state;
@@ -335,21 +364,20 @@ static void a_job_is_watched_past_every_break_to_its_end(void **state) {
     kit_result r = kit_run((const char *[]){kit_program("blockwright"), "sample", "bearing", "--size", "2", "-o", part, NULL});
     assert_int_equal(r.exit, 0);
     kit_result_clear(&r);
-    r = kit_run((const char *[]){kit_program("blockwright"), "submit", part, "--explore", "anneal", "--explore-work", "1000000000", "--explore-time", "2",
-                                 "--server", here.url, "--quiet", NULL});
-    assert_int_equal(r.exit, 0);
-    char *id = strndup(r.out, strcspn(r.out, "\n"));
-    kit_result_clear(&r);
-    proxy p = {.down = 3000, .cuts = CUTS};
-    proxy_start(&p);
-    r = call(true, p.url, "watch", id, NULL);
-    assert_true(proxy_stop(&p) > 0);
+    char *id = new_search(part, "1");
+    r = watch_past_breaks(true, id, 0);
     if (lines_of(r.err, "running reduce") > 1 || lines_of(r.err, "running encode") != 1 || lines_of(r.err, "successful") != 1) fail_msg("%s", r.err);
     kit_result_clear(&r);
     r = call(true, here.url, "watch", id, NULL); /* has ended */
     if (strcmp(r.err, "successful\n") != 0) fail_msg("%s", r.err);
     kit_result_clear(&r);
     free(id);
+    for (int shell = 0; shell < 2; shell++) {
+        char *other = new_search(part, shell ? "3" : "2");
+        r = watch_past_breaks(shell, other, 3);
+        kit_result_clear(&r);
+        free(other);
+    }
 }
 
 static const struct CMUnitTest tests[] = {
