@@ -68,7 +68,7 @@ def scope(doc, operation):
 def complete(doc):
     """Adds the answers that any operation may have, where it does not describe them itself: to a query parameter that is not there or a request
     that is unclear, from a daemon that is meant by another name or is stopping, to a failure inside, to other sites' pages if it
-    changes something, and if it wants a token to requests without one or with one that does not do."""
+    changes something, and if it wants a token to requests without one or with one that does not do, or that come too often."""
     for item in doc["paths"].values():
         for method in METHODS:
             if method not in item:
@@ -78,7 +78,7 @@ def complete(doc):
             if token or method not in ("get", "head"):
                 answers["403"] = "Problem"
             if token:
-                answers["401"] = "Unauthorized"
+                answers.update({"401": "Unauthorized", "429": "TooMany"})
             for status, response in answers.items():
                 item[method]["responses"].setdefault(status, {"$ref": "#/components/responses/" + response})
             item[method]["responses"] = dict(sorted(item[method]["responses"].items()))

@@ -61,6 +61,7 @@ typedef struct {
     atomic_int require_sandbox; /* 1: no job is started in less than the whole sandbox */
     /* Of one owner: jobs that have not ended; stages, uploads, streams at the same time. 0: any number */
     atomic_int owner_jobs, owner_running, owner_uploads, owner_streams;
+    atomic_int owner_rate; /* requests a second; http/rate.h. 0: any number */
     _Atomic uint64_t owner_bytes;         /* of the blobs that an owner has. 0: any number */
     atomic_int stream_comment_ms; /* http/stream.h */
     atomic_int keep_finished_seconds, keep_failed_seconds, keep_gone_seconds, keep_keys_seconds, keep_blobs_seconds; /* 0: for ever */

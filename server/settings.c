@@ -73,6 +73,8 @@ const bw_setting bw_settings[] = {
      "inputs that one owner has uploaded, in all; 0: any number"},
     {"owner-uploads", COUNT(owner_uploads, 0, 100000), "250", true, "N", "resumable uploads of one owner that are under way at the same time; 0: any number"},
     {"owner-streams", COUNT(owner_streams, 0, 100000), "1024", true, "N", "streams of events and logs of one owner at the same time; 0: any number"},
+    {"owner-rate", COUNT(owner_rate, 0, 1000000), "0", true, "N",
+     "requests of one owner a second, and ten times as many at once; without access tokens: of all together; 0: any number"},
     {"stream-comment", MILLISECONDS(stream_comment_ms, 50, DAY * 1000), "15s", true, "TIME",
      "how often a stream sends a comment, and looks whether its client is still there and may still be"},
     {"keep-finished", SECONDS(keep_finished_seconds, 0, 10 * 365 * DAY), "30d", true, "TIME",

@@ -124,6 +124,7 @@ static const line request_lines[] = {
     {"owner_running", "stages of an owner at the same time", COUNT},
     {"owner_uploads", "resumable uploads of an owner", COUNT},
     {"owner_streams", "event streams of an owner", COUNT},
+    {"owner_rate", "requests of an owner a second", COUNT},
     {"workers", "stages at the same time", COUNT},
 };
 static const line stage_lines[] = {

@@ -8,7 +8,7 @@
 #include "command.h"
 #include "failure.h"
 
-enum { URL_MAX = 2048, CONNECT_SECONDS = 10, STALL_SECONDS = 120 };
+enum { URL_MAX = 2048, CONNECT_SECONDS = 10, STALL_SECONDS = 120, RATE_TRIES = 20, RATE_SECONDS_MOST = 60 };
 static const size_t reply_max = (size_t)256 << 20; /* report.json and manifests stay far below */
 
 struct cli_http {
@@ -192,7 +192,7 @@ static void prepare(cli_http *http, const char *method, const char *path, sink *
 
 /* A daemon that refuses an upload early may close before it has read everything: an answer that came is what
  * counts. */
-static bool perform(cli_http *http, cli_reply *reply) {
+static bool perform_once(cli_http *http, cli_reply *reply) {
     CURLcode code = curl_easy_perform(http->curl);
     curl_easy_getinfo(http->curl, CURLINFO_RESPONSE_CODE, &reply->status);
     http->code = code;
@@ -205,6 +205,44 @@ static bool perform(cli_http *http, cli_reply *reply) {
     return false;
 }
 
+/* Has the daemon only been asked too often? Then it has done nothing, and says when it may be asked again. An answer to HEAD has no problem in it;
+ * there is no other reason for a 429 of that. */
+static bool asked_too_often(const cli_http *http, const cli_reply *reply, double *seconds) {
+    const char *after = reply->status == 429 ? cli_http_answered(http, "Retry-After") : NULL;
+    if (!after || strspn(after, "0123456789") != strlen(after)) return false;
+    json_t *problem = reply->body ? json_loads(reply->body, 0, NULL) : NULL;
+    const char *type = json_string_value(json_object_get(problem, "type"));
+    bool so = !reply->body || (type && strcmp(type, "/problems/too-many-requests") == 0);
+    json_decref(problem);
+    *seconds = strtod(after, NULL);
+    return so && *seconds <= RATE_SECONDS_MOST;
+}
+
+/* The same request again. */
+static void renew_as_it_is(cli_http *http) {
+    CURL *next = curl_easy_duphandle(http->curl);
+    renew(http);
+    if (!next) return;
+    curl_easy_cleanup(http->curl);
+    http->curl = next;
+}
+
+/* `sent`: the file whose bytes from `from` on are the body; NULL: another, or none. */
+static bool perform(cli_http *http, FILE *sent, int64_t from, cli_reply *reply) {
+    double pause;
+    for (int tries = 0;; tries++) {
+        if (sent && fseeko(sent, (off_t)from, SEEK_SET) != 0) { /* it could be rewound when it was hashed */
+            cli_error("a file cannot be read from byte %lld on", (long long)from);
+            exit(CLI_INTERNAL);
+        }
+        if (!perform_once(http, reply)) return false;
+        if (tries == RATE_TRIES || !asked_too_often(http, reply, &pause)) return true;
+        cli_reply_clear(reply);
+        cli_pause(pause);
+        renew_as_it_is(http);
+    }
+}
+
 void cli_http_header(cli_http *http, const char *name, const char *value) {
     char line[512];
     snprintf(line, sizeof line, "%s: %s", name, value);
@@ -212,9 +250,9 @@ void cli_http_header(cli_http *http, const char *name, const char *value) {
     if (headers) http->headers = headers;
 }
 
-static bool send_headers(cli_http *http, cli_reply *reply) {
+static bool send_headers(cli_http *http, FILE *sent, int64_t from, cli_reply *reply) {
     curl_easy_setopt(http->curl, CURLOPT_HTTPHEADER, http->headers);
-    bool good = perform(http, reply);
+    bool good = perform(http, sent, from, reply);
     curl_slist_free_all(http->headers);
     http->headers = NULL;
     return good;
@@ -226,7 +264,7 @@ bool cli_http_call(cli_http *http, const char *method, const char *path, const c
     prepare(http, method, path, &s);
     if (json) cli_http_header(http, "Content-Type", "application/json");
     if (json || !strcmp(method, "POST")) curl_easy_setopt(http->curl, CURLOPT_POSTFIELDS, json ? json : "");
-    return send_headers(http, reply);
+    return send_headers(http, NULL, 0, reply);
 }
 
 bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, const char *bytes, size_t size), void *user,
@@ -234,7 +272,7 @@ bool cli_http_stream(cli_http *http, const char *path, bool (*take)(void *user, 
     sink s = {.http = http, .reply = reply, .take = take, .user = user};
     memset(reply, 0, sizeof *reply);
     prepare(http, "GET", path, &s);
-    return send_headers(http, reply);
+    return send_headers(http, NULL, 0, reply);
 }
 
 bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE *file, int64_t from, int64_t size,
@@ -243,10 +281,6 @@ bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE 
     outgoing o = {progress, from, size};
     memset(reply, 0, sizeof *reply);
     prepare(http, method, path, &s);
-    if (fseeko(file, (off_t)from, SEEK_SET) != 0) { /* it could be rewound when it was hashed */
-        cli_error("a file cannot be read from byte %lld on", (long long)from);
-        exit(CLI_INTERNAL);
-    }
     curl_easy_setopt(http->curl, CURLOPT_UPLOAD, 1L);
     curl_easy_setopt(http->curl, CURLOPT_READDATA, file);
     curl_easy_setopt(http->curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)(size - from));
@@ -255,7 +289,7 @@ bool cli_http_upload(cli_http *http, const char *method, const char *path, FILE 
         curl_easy_setopt(http->curl, CURLOPT_XFERINFOFUNCTION, on_transfer);
         curl_easy_setopt(http->curl, CURLOPT_XFERINFODATA, &o);
     }
-    bool good = send_headers(http, reply);
+    bool good = send_headers(http, file, from, reply);
     curl_easy_setopt(http->curl, CURLOPT_XFERINFOFUNCTION, NULL);
     return good;
 }
@@ -269,7 +303,7 @@ bool cli_http_download(cli_http *http, const char *path, FILE *file, int64_t lim
     sink s = {.http = http, .reply = reply, .file = file, .room = limit};
     memset(reply, 0, sizeof *reply);
     prepare(http, "GET", path, &s);
-    return perform(http, reply);
+    return perform(http, NULL, 0, reply);
 }
 
 int cli_http_failed(const cli_http *http) {

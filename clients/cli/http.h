@@ -1,9 +1,10 @@
 /* Requests to a daemon, over libcurl. Paths start with "/"; replies are read whole into memory, except
  * downloads.
  *
- * A reply is any HTTP answer, also an error; a call fails only if there is none (no connection, broken
- * transfer; then the reply has no body, and the status if that came), and then cli_http_error() tells why. cli_http_json() is the convenient form: it also prints
- * problems and turns them into exit codes.
+ * A request that comes too often (429, too-many-requests) is made again when the daemon lets it. A reply is any other
+ * HTTP answer, also an error; a call fails only if there is none (no connection, broken transfer; then the reply has no
+ * body, and the status if that came), and then cli_http_error() tells why. cli_http_json() is the convenient form: it also
+ * prints problems and turns them into exit codes.
  */
 #ifndef BW_CLI_HTTP_H
 #define BW_CLI_HTTP_H

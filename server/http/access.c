@@ -12,6 +12,7 @@
 #include "server/clock.h"
 #include "server/failure.h"
 #include "server/http/operations.h"
+#include "server/http/rate.h"
 #include "server/http/reply.h"
 #include "server/log.h"
 #include "server/networks.h"
@@ -173,12 +174,24 @@ static bool check_job(bw_request *r) {
     return !r->reply;
 }
 
+/* What is for everybody does not count. */
+static bool check_rate(bw_request *r) {
+    int most = r->services->config->owner_rate;
+    char seconds[24];
+    int64_t wait = most && bw_endpoints[r->op].scope ? bw_rates_ask(r->traffic->rates, r->caller.owner, most, bw_mono_us()) : 0;
+    if (!wait) return true;
+    bw_reply_problem(r, BW_PROBLEM_TOO_MANY_REQUESTS, "you may make %d requests a second, and %d at once", most, BW_RATE_BURST_SECONDS * most);
+    snprintf(seconds, sizeof seconds, "%lld", (long long)(wait + 999999) / 1000000);
+    bw_reply_header(r, "Retry-After", seconds);
+    return false;
+}
+
 bool bw_http_check_access(bw_request *r) {
     if (bw_access_is_open(r->services->access)) {
         r->caller = (bw_caller){.open = true, .scopes = (1 << BW_SCOPE_COUNT) - 1};
-        return check_place(r);
+        return check_place(r) && check_rate(r);
     }
-    return check_token(r) && (!bw_endpoints[r->op].of_job || check_job(r));
+    return check_token(r) && check_rate(r) && (!bw_endpoints[r->op].of_job || check_job(r));
 }
 
 bool bw_http_check_again(bw_request *r) {

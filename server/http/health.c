@@ -27,10 +27,10 @@ static json_t *limits_json(const bw_config *c, const bw_sandbox *sandbox) {
 }
 
 static json_t *request_limits_json(const bw_config *c) {
-    return json_pack("{s:I, s:i, s:o, s:o, s:o, s:o, s:o, s:i}", "upload_bytes", (json_int_t)c->max_upload, "uploads", c->max_uploads, "owner_bytes",
+    return json_pack("{s:I, s:i, s:o, s:o, s:o, s:o, s:o, s:o, s:i}", "upload_bytes", (json_int_t)c->max_upload, "uploads", c->max_uploads, "owner_bytes",
                      limit_json(c->owner_bytes), "owner_jobs", limit_json((uint64_t)c->owner_jobs), "owner_running",
                      limit_json((uint64_t)c->owner_running), "owner_uploads", limit_json((uint64_t)c->owner_uploads), "owner_streams",
-                     limit_json((uint64_t)c->owner_streams), "workers", c->workers);
+                     limit_json((uint64_t)c->owner_streams), "owner_rate", limit_json((uint64_t)c->owner_rate), "workers", c->workers);
 }
 
 void bw_http_capabilities(bw_request *r) {

@@ -8,6 +8,7 @@
 
 #include "server/clock.h"
 #include "server/http/guard.h"
+#include "server/http/rate.h"
 #include "server/http/request.h"
 #include "server/http/routes.h"
 #include "server/http/stream.h"
@@ -120,6 +121,7 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
     bw_status status = bw_guard_open(services->config, &http->guard);
     if (status == BW_OK) status = bw_pool_open(POOL_THREADS, &http->traffic.pool);
     if (status == BW_OK) status = bw_streams_open(&http->traffic.streams);
+    if (status == BW_OK && !(http->traffic.rates = bw_rates_open())) status = BW_E_MEMORY;
     if (status == BW_OK) status = bw_partials_open(services->config->data, services->store, &http->traffic.partials);
     unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_ERROR_LOG | MHD_ALLOW_SUSPEND_RESUME;
     if (services->config->listen.ss_family == AF_INET6) flags |= MHD_USE_IPv6;
@@ -176,6 +178,7 @@ void bw_http_stop(bw_http *http) {
     bw_pool_close(http->traffic.pool);
     bw_partials_close(http->traffic.partials);
     bw_streams_close(http->traffic.streams);
+    bw_rates_close(http->traffic.rates);
     bw_guard_close(http->guard);
     bw_tls_close();
     pthread_cond_destroy(&http->traffic.changed);

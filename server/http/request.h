@@ -44,6 +44,7 @@ typedef struct {
     bw_pool *pool;         /* for what would hold up an HTTP thread */
     bw_partials *partials; /* uploads that can be resumed */
     struct bw_streams *streams; /* stream.h */
+    struct bw_rates *rates;     /* rate.h */
 } bw_traffic;
 
 typedef struct bw_request {

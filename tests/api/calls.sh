@@ -174,4 +174,18 @@ token() { "$bin/blockwrightd" token create --data data --owner contract --scopes
 submit=$(token submit) read=$(token read)
 [ -n "$submit" ] && [ -n "$read" ] || { echo "no tokens"; exit 1; }
 python3 "$here/knock.py" "$address" "$submit" "$read" || failed=1
+# an owner that asks too often
+echo 'owner-rate = 1' >settings
+kill -HUP "$DAEMON"
+own="Authorization: Bearer $submit"
+i=0
+while [ "$(curl -sS -o answer -w '%{http_code}' -H "$own" -T part.hexex "$base/v1/blobs/$hash")" != 429 ]; do
+    i=$((i + 1))
+    [ $i -lt 300 ] || { echo "no 429 at any rate"; failed=1; break; }
+done
+grep -q too-many-requests answer || { cat answer; failed=1; }
+ask 429 -H "$own" -X POST -T part.hexex "$jobs"
+ask 429 -H "$own" -H "$tus" -X POST -H 'Upload-Length: 4' "$base/v1/uploads"
+ask 429 -H "$own" -X POST "$jobs/$none/cancel"
+ask 200 "$base/livez"
 exit $failed
