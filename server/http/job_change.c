@@ -21,12 +21,14 @@ static void change(bw_request *r, bw_write_fn fn, void (*then)(bw_request *)) {
     bw_request_write(r, fn, then);
 }
 
-/* What has become of it; a reply is made for all that is no success. */
-static bw_change_result outcome(bw_request *r, const char *verb) {
+static const char ended[] = "has already ended";
+
+/* What has become of it; a reply is made for all that is no success. `late`: what a job is for which that comes too late. */
+static bw_change_result outcome(bw_request *r, const char *verb, const char *late) {
     bw_change_result result = ((bw_change *)r->state)->result;
     if (r->written != BW_OK) bw_reply_storage(r);
     else if (result == BW_CHANGE_UNKNOWN) bw_http_reply_no_job(r, r->parameters[0]);
-    else if (result == BW_CHANGE_TOO_LATE) bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job has already ended; there is nothing to %s", verb);
+    else if (result == BW_CHANGE_TOO_LATE) bw_reply_problem(r, BW_PROBLEM_JOB_FINISHED, "the job %s; there is nothing to %s", late, verb);
     else if (result == BW_CHANGE_TOO_EARLY) bw_reply_problem(r, BW_PROBLEM_JOB_NOT_ENDED, "the job has not ended; cancel it, then %s it", verb);
     else if (result == BW_CHANGE_TOO_MANY) bw_http_reply_too_many(r, ((bw_change *)r->state)->in_force.queued);
     return result;
@@ -43,17 +45,17 @@ static void reply_changed(bw_request *r) {
 }
 
 static void cancelled(bw_request *r) {
-    if (outcome(r, "cancel") == BW_CHANGE_NOTED) bw_dispatch_wake(r->services->dispatch);
+    if (outcome(r, "cancel", ended) == BW_CHANGE_NOTED) bw_dispatch_wake(r->services->dispatch);
     reply_changed(r);
 }
 
 static void finished(bw_request *r) {
-    if (outcome(r, "finish") == BW_CHANGE_NOTED) bw_dispatch_wake(r->services->dispatch);
+    if (outcome(r, "finish", ended) == BW_CHANGE_NOTED) bw_dispatch_wake(r->services->dispatch);
     reply_changed(r);
 }
 
 static void restarted(bw_request *r) {
-    if (outcome(r, "retry") == BW_CHANGE_DONE && !r->reply) {
+    if (outcome(r, "retry", "was successful") == BW_CHANGE_DONE && !r->reply) {
         bw_event(BW_INFO, "job.restarted", "job=%s", r->parameters[0]);
         bw_dispatch_wake(r->services->dispatch);
     }
@@ -61,13 +63,13 @@ static void restarted(bw_request *r) {
 }
 
 static void pinned(bw_request *r) {
-    outcome(r, "pin");
+    outcome(r, "pin", ended);
     reply_changed(r);
 }
 
 /* The rows are gone for good; a log that stays behind after a crash right here belongs to nobody. */
 static void deleted(bw_request *r) {
-    outcome(r, "delete");
+    outcome(r, "delete", ended);
     if (r->reply) return;
     bw_store_drop_log(r->services->store, r->parameters[0]);
     bw_event(BW_INFO, "job.deleted", "job=%s", r->parameters[0]);
