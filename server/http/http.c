@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include "server/clock.h"
 #include "server/http/guard.h"
@@ -154,7 +153,9 @@ bw_status bw_http_start(const bw_services *services, bw_http **out, char *addres
     return BW_OK;
 }
 
-/* libmicrohttpd must not be stopped while a request is suspended; it cuts those off that are still being answered. */
+/* libmicrohttpd must not be stopped while a request is suspended; it cuts those off that are still being answered. Nor may it be told to accept no
+ * more: MHD_quiesce_daemon and an epoll thread both take the listening socket out of the set, and the second one aborts the process. So
+ * connections come to the end, and their requests are refused. */
 static void wait_for_traffic(bw_traffic *traffic) {
     int64_t end = bw_mono_ms() + LAST_REPLIES_SECONDS * 1000;
     struct timespec until = {end / 1000, end % 1000 * 1000000};
@@ -169,11 +170,10 @@ static void wait_for_traffic(bw_traffic *traffic) {
 void bw_http_stop(bw_http *http) {
     if (!http) return;
     if (http->daemon) {
-        MHD_socket listening = MHD_quiesce_daemon(http->daemon);
+        atomic_store(&http->traffic.ending, true);
         bw_watch_stop(http->services.watch);
         wait_for_traffic(&http->traffic);
         MHD_stop_daemon(http->daemon);
-        if (listening != MHD_INVALID_SOCKET) close(listening);
     }
     bw_pool_close(http->traffic.pool);
     bw_partials_close(http->traffic.partials);

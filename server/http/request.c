@@ -190,10 +190,16 @@ static bool check_match(bw_request *r) {
     return false;
 }
 
+static void refuse_at_end(bw_request *r) {
+    bw_reply_problem(r, BW_PROBLEM_NOT_READY, "the daemon is stopping");
+    bw_reply_header(r, "Connection", "close");
+}
+
 static void begin(bw_request *r, const char *method, const char *version, const char *path) {
     r->head = strcmp(method, "HEAD") == 0;
     r->reads = r->head || strcmp(method, "GET") == 0;
     check_framing(r, strcmp(version, "HTTP/1.0") == 0);
+    if (!r->reply && atomic_load(&r->traffic->ending)) refuse_at_end(r);
     if (r->reply || !bw_route_find(r, method, path) || !bw_http_check_access(r) || !check_match(r)) return;
     if (bw_routes[r->op].begin) bw_routes[r->op].begin(r);
     else if (r->has_length && r->length > BW_BODY_MOST)
@@ -277,10 +283,8 @@ static bool enter(bw_request *r) {
     bool open = !r->traffic->closed;
     r->traffic->suspended += open;
     pthread_mutex_unlock(&r->traffic->lock);
-    if (open) return true;
-    bw_reply_problem(r, BW_PROBLEM_NOT_READY, "the daemon is stopping");
-    bw_reply_header(r, "Connection", "close");
-    return false;
+    if (!open) refuse_at_end(r);
+    return open;
 }
 
 static void leave(bw_traffic *traffic) {

@@ -17,6 +17,7 @@
 #include <jansson.h>
 #include <microhttpd.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 
 #include "bw_api.h"
@@ -40,7 +41,8 @@ typedef struct {
     pthread_mutex_t lock;
     pthread_cond_t changed; /* a count has become 0 */
     unsigned active, suspended; /* the latter also while an operation's function runs, which may suspend */
-    bool closed;                /* the library is being stopped: no such function is called any more */
+    atomic_bool ending;         /* the daemon is stopping: no request is begun any more */
+    bool closed;                /* and the library: no such function is called any more */
     bw_pool *pool;         /* for what would hold up an HTTP thread */
     bw_partials *partials; /* uploads that can be resumed */
     struct bw_streams *streams; /* stream.h */

@@ -1,9 +1,11 @@
 /* Requests, good and bad, over real sockets: every error is a problem document, and the daemon lives on. */
 #include <arpa/inet.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "bw_api.h"
@@ -321,6 +323,29 @@ static void pages_hold_every_job_once_newest_first(void **state) {
     for (int i = 0; i < 12; i++) json_decref(kit_wait(&d, ids[i], 20));
 }
 
+/* An upload under way holds up the stop for two seconds, in which others are told. */
+static void who_asks_a_daemon_that_stops_is_told_to_come_again(void **state) {
+    (void)state;
+    static const char begun[] = "PUT /v1/blobs/0000000000000000000000000000000000000000000000000000000000000000 HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100\r\n\r\nhalf";
+    int fd = kit_connect(&d, begun, sizeof begun - 1);
+    for (int i = 0; i < 2000 && kit_no_uploads(&d, 0); i++) kit_sleep_ms(5);
+    assert_false(kit_no_uploads(&d, 0));
+    kill(d.pid, SIGTERM);
+    kit_reply r = {.status = 200};
+    for (int i = 0; i < 10000 && r.status == 200; i++) {
+        kit_free(&r);
+        r = kit_get(&d, "/livez");
+    }
+    assert_string_equal(kit_header(&r, "Retry-After"), "5");
+    kit_expect_problem(r, 503, "not-ready");
+    close(fd);
+    int status;
+    assert_int_equal(waitpid(d.pid, &status, 0), d.pid);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    d.pid = 0;
+    kit_restart(&d, NULL);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_blob_is_stored_once_and_found_by_head),
@@ -338,6 +363,7 @@ int main(void) {
         cmocka_unit_test(the_daemon_tells_about_itself),
         cmocka_unit_test(the_page_is_served_whole_and_may_load_nothing_else),
         cmocka_unit_test(pages_hold_every_job_once_newest_first),
+        cmocka_unit_test(who_asks_a_daemon_that_stops_is_told_to_come_again),
     };
     return cmocka_run_group_tests(tests, start, stop);
 }
