@@ -358,8 +358,8 @@ int bw_command_backup(int argc, char **argv) {
     if (!absolute(argv[1], path)) return complain("the name is too long");
     json_t *answer = ask(&config, json_pack("{s:s, s:s, s:b}", "command", "backup", "file", path, "with_files", files));
     if (!answer) return FAILED;
-    printf("%s: %" JSON_INTEGER_FORMAT " jobs; their %" JSON_INTEGER_FORMAT " files of %" JSON_INTEGER_FORMAT " bytes %s\n", path,
-           number_of(answer, "jobs"), number_of(answer, "files"), number_of(answer, "bytes"), files ? "are in FILE.files" : "are listed in FILE.manifest");
+    printf("%s: %" JSON_INTEGER_FORMAT " jobs; their %" JSON_INTEGER_FORMAT " files of %" JSON_INTEGER_FORMAT " bytes are %s %s.%s\n", path,
+           number_of(answer, "jobs"), number_of(answer, "files"), number_of(answer, "bytes"), files ? "in" : "listed in", path, files ? "files" : "manifest");
     json_decref(answer);
     return DONE;
 }

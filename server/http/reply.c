@@ -77,11 +77,18 @@ static void add_retry(bw_request *r) {
     if (r->reply_status == 503) bw_reply_header(r, "Retry-After", RETRY_SECONDS);
 }
 
+/* Every answer of theirs says it, by whichever part of the daemon it was made. */
+static void add_tus(bw_request *r) {
+    bool upload = r->op < BW_OP_COUNT && strncmp(bw_endpoints[r->op].path, "/v1/uploads", 11) == 0;
+    if (upload) bw_reply_header(r, "Tus-Resumable", BW_TUS_VERSION);
+}
+
 enum MHD_Result bw_reply_send(bw_request *r) {
     if (!r->reply) bw_reply_problem(r, BW_PROBLEM_INTERNAL, "the request was not answered");
     if (!r->reply) return MHD_NO;
     add_caching(r);
     add_retry(r);
+    add_tus(r);
     if (r->sized) bw_guard_answer(r->guarded, r->reply_bytes);
     return MHD_queue_response(r->connection, r->reply_status, r->reply);
 }

@@ -4,6 +4,8 @@
 
 #include "server/http/request.h"
 
+#define BW_TUS_VERSION "1.0.0"
+
 void bw_reply_json(bw_request *request, unsigned status, json_t *body); /* takes body; NULL: out of memory, 500 */
 void bw_reply_problem(bw_request *request, bw_problem problem, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

@@ -19,7 +19,7 @@
 #include "server/log.h"
 #include "server/partial.h"
 
-#define VERSION "1.0.0"
+#define BW_TUS_VERSION "1.0.0"
 enum { METADATA_MOST = 4096, VALUE_MOST = METADATA_MOST };
 static const char media_type[] = "application/offset+octet-stream";
 
@@ -33,26 +33,7 @@ typedef struct {
     char actual[BW_SHA256_TEXT];
 } upload_state;
 
-/* ---- what all answers say ---- */
-
-static void add_common(bw_request *r) { bw_reply_header(r, "Tus-Resumable", VERSION); }
-
-__attribute__((format(printf, 3, 4)))
-static void problem(bw_request *r, bw_problem type, const char *format, ...) {
-    char detail[300];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(detail, sizeof detail, format, args);
-    va_end(args);
-    if (r->reply) return;
-    bw_reply_problem(r, type, "%s", detail);
-    add_common(r);
-}
-
-static void storage_problem(bw_request *r) {
-    bw_reply_storage(r);
-    add_common(r);
-}
+/* ---- answers ---- */
 
 static void add_number(bw_request *r, const char *name, uint64_t value) {
     char text[24];
@@ -62,7 +43,6 @@ static void add_number(bw_request *r, const char *name, uint64_t value) {
 
 static void reply_empty(bw_request *r, unsigned status) {
     bw_reply_made(r, status, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT), NULL);
-    add_common(r);
 }
 
 static void add_location(bw_request *r) {
@@ -73,9 +53,9 @@ static void add_location(bw_request *r) {
 
 static bool speaks_our_version(bw_request *r) {
     const char *version = bw_request_header(r, "Tus-Resumable");
-    if (version && strcmp(version, VERSION) == 0) return true;
-    problem(r, BW_PROBLEM_TUS_VERSION, "the header Tus-Resumable has to be " VERSION);
-    bw_reply_header(r, "Tus-Version", VERSION);
+    if (version && strcmp(version, BW_TUS_VERSION) == 0) return true;
+    bw_reply_problem(r, BW_PROBLEM_TUS_VERSION, "the header Tus-Resumable has to be " BW_TUS_VERSION);
+    bw_reply_header(r, "Tus-Version", BW_TUS_VERSION);
     return false;
 }
 
@@ -88,7 +68,7 @@ static bool read_number(bw_request *r, const char *name, uint64_t *value) {
     errno = 0;
     *value = text ? strtoull(text, &end, 10) : 0;
     if (text && !errno && *text >= '0' && *text <= '9' && !*end && *value <= INT64_MAX) return true;
-    problem(r, BW_PROBLEM_BAD_REQUEST, "the header %s has to be a whole number", name);
+    bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "the header %s has to be a whole number", name);
     return false;
 }
 
@@ -141,7 +121,7 @@ static bool read_checksum(bw_request *r, upload_state *s) {
     const char *value = text + name + (text[name] == ' ');
     int n = md ? read_base64(value, strlen(value), s->expected, sizeof s->expected) : -1;
     if (!md || n != EVP_MD_get_size(md)) {
-        problem(r, BW_PROBLEM_BAD_REQUEST, "Upload-Checksum has to be sha256 or sha1, a blank, and the hash in base64");
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Upload-Checksum has to be sha256 or sha1, a blank, and the hash in base64");
         return false;
     }
     s->expected_size = (size_t)n;
@@ -156,9 +136,9 @@ static bool has_body(const bw_request *r) { return r->length || bw_request_heade
 /* Is the body one of ours, and of at most `most` bytes? False after a reply. */
 static bool check_body(bw_request *r, uint64_t most) {
     const char *type = bw_request_header(r, "Content-Type");
-    if (!type || strcasecmp(type, media_type) != 0) problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "the body has to be %s", media_type);
-    else if (r->unpacker) problem(r, BW_PROBLEM_UNSUPPORTED_CODING, "the body of an upload in parts is not coded");
-    else if (r->length > most) problem(r, BW_PROBLEM_BODY_TOO_LARGE, "only %llu bytes are still to come", (unsigned long long)most);
+    if (!type || strcasecmp(type, media_type) != 0) bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_MEDIA_TYPE, "the body has to be %s", media_type);
+    else if (r->unpacker) bw_reply_problem(r, BW_PROBLEM_UNSUPPORTED_CODING, "the body of an upload in parts is not coded");
+    else if (r->length > most) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "only %llu bytes are still to come", (unsigned long long)most);
     return !r->reply;
 }
 
@@ -198,10 +178,10 @@ static bool take_bytes(bw_request *r, const char *data, size_t size) {
         return false;
     }
     bw_status status = bw_partial_write(s->partial, data, size);
-    if (status == BW_E_LIMIT) problem(r, BW_PROBLEM_BODY_TOO_LARGE, "that is more than the Upload-Length that was announced");
+    if (status == BW_E_LIMIT) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "that is more than the Upload-Length that was announced");
     else if (status == BW_OK && !bw_request_room_left(r, bw_partial_offset(s->partial), size))
-        problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
-    else if (status != BW_OK) storage_problem(r);
+        bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "the upload does not fit any more");
+    else if (status != BW_OK) bw_reply_storage(r);
     if (r->reply) drop_state(r);
     return !r->reply;
 }
@@ -211,12 +191,12 @@ static bool take_upload(bw_request *r, upload_state *s) {
     bw_partial_found found = bw_partial_take(r->traffic->partials, r->parameters[0], r->caller.owner, bw_now_ms(), &s->partial);
     if (found == BW_PARTIAL_TAKEN) return true;
     if (found == BW_PARTIAL_FAILED) {
-        storage_problem(r);
+        bw_reply_storage(r);
     } else if (found == BW_PARTIAL_BUSY) {
-        problem(r, BW_PROBLEM_UPLOAD_BUSY, "another request works on this upload");
+        bw_reply_problem(r, BW_PROBLEM_UPLOAD_BUSY, "another request works on this upload");
         bw_reply_header(r, "Retry-After", "1");
     } else {
-        problem(r, BW_PROBLEM_NO_SUCH_UPLOAD, "there is no upload '%.40s', or it has expired", r->parameters[0]);
+        bw_reply_problem(r, BW_PROBLEM_NO_SUCH_UPLOAD, "there is no upload '%.40s', or it has expired", r->parameters[0]);
     }
     return false;
 }
@@ -264,9 +244,9 @@ static void reply_partial(bw_request *r, const bw_partial *p) {
 static void answer(bw_request *r) {
     upload_state *s = r->state;
     if (s->status == BW_E_CHECK) {
-        problem(r, BW_PROBLEM_HASH_MISMATCH, "the upload has the SHA-256 %s; it is gone", s->actual);
+        bw_reply_problem(r, BW_PROBLEM_HASH_MISMATCH, "the upload has the SHA-256 %s; it is gone", s->actual);
     } else if (s->status != BW_OK) {
-        storage_problem(r);
+        bw_reply_storage(r);
     } else if (*bw_partial_blob(s->partial)) {
         char sha256[BW_SHA256_TEXT];
         uint64_t bytes = bw_partial_length(s->partial);
@@ -291,7 +271,7 @@ static bool checksum_fits(upload_state *s) {
 static void finish_body(bw_request *r) {
     upload_state *s = r->state;
     if (!checksum_fits(s)) {
-        problem(r, BW_PROBLEM_CHECKSUM_MISMATCH, "the bytes that came do not have the checksum that was announced; they are gone");
+        bw_reply_problem(r, BW_PROBLEM_CHECKSUM_MISMATCH, "the bytes that came do not have the checksum that was announced; they are gone");
         drop_state(r); /* undoes them */
         return;
     }
@@ -307,8 +287,8 @@ static bool is_place_for(bw_request *r, uint64_t length) {
     bw_partial_tally tally;
     bw_partials_tally(r->traffic->partials, r->caller.owner, &tally);
     if (config->owner_uploads && tally.of_owner >= config->owner_uploads)
-        problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d of this owner's uploads are under way already", tally.of_owner);
-    else if (tally.uploads >= config->max_uploads) problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d uploads are under way already", tally.uploads);
+        bw_reply_problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d of this owner's uploads are under way already", tally.of_owner);
+    else if (tally.uploads >= config->max_uploads) bw_reply_problem(r, BW_PROBLEM_TOO_MANY_UPLOADS, "%d uploads are under way already", tally.uploads);
     else return bw_http_blob_fits(r, tally.bytes_of_owner + length);
     bw_reply_header(r, "Retry-After", "60");
     return false;
@@ -318,7 +298,7 @@ static void create(bw_request *r, uint64_t length) {
     const char *metadata = bw_request_header(r, "Upload-Metadata");
     char expected[BW_SHA256_TEXT] = "";
     if (metadata && !read_metadata(metadata, expected)) {
-        problem(r, BW_PROBLEM_BAD_REQUEST, "Upload-Metadata has to be keys with values in base64, with commas between, %d bytes at most; "
+        bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "Upload-Metadata has to be keys with values in base64, with commas between, %d bytes at most; "
                 "sha256 is the hash of the content in 64 digits 0-9 a-f", METADATA_MOST);
         return;
     }
@@ -326,7 +306,7 @@ static void create(bw_request *r, uint64_t length) {
     if (!s || !read_checksum(r, s)) return;
     bw_partial_new wanted = {.owner = r->caller.owner, .length = length, .expected = expected, .metadata = metadata, .expires = expiry(r)};
     if (bw_partial_create(r->traffic->partials, &wanted, &s->partial) != BW_OK || bw_partial_mark(s->partial) != BW_OK) {
-        storage_problem(r);
+        bw_reply_storage(r);
     } else {
         snprintf(r->parameters[0], sizeof r->parameters[0], "%s", bw_partial_id(s->partial));
         r->take = take_bytes;
@@ -337,10 +317,10 @@ void bw_http_upload_create_begin(bw_request *r) {
     const bw_services *services = r->services;
     uint64_t length, most = services->config->max_upload;
     if (!speaks_our_version(r)) return;
-    if (bw_request_header(r, "Upload-Defer-Length")) problem(r, BW_PROBLEM_BAD_REQUEST, "an upload has to say its Upload-Length at once");
+    if (bw_request_header(r, "Upload-Defer-Length")) bw_reply_problem(r, BW_PROBLEM_BAD_REQUEST, "an upload has to say its Upload-Length at once");
     else if (!read_number(r, "Upload-Length", &length)) return;
-    else if (length > most) problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
-    else if (bw_store_room(services->store) < length + BW_ROOM_KEPT) problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more", (unsigned long long)length);
+    else if (length > most) bw_reply_problem(r, BW_PROBLEM_BODY_TOO_LARGE, "an upload has at most %llu bytes", (unsigned long long)most);
+    else if (bw_store_room(services->store) < length + BW_ROOM_KEPT) bw_reply_problem(r, BW_PROBLEM_STORAGE_FULL, "an upload of %llu bytes does not fit any more", (unsigned long long)length);
     else if ((!has_body(r) || check_body(r, length)) && is_place_for(r, length)) create(r, length);
 }
 
@@ -354,10 +334,10 @@ void bw_http_upload_patch_begin(bw_request *r) {
     uint64_t has = bw_partial_offset(s->partial);
     s->whole = true; /* so far: nothing to undo */
     if (offset != has) {
-        problem(r, BW_PROBLEM_OFFSET_MISMATCH, "the upload has %llu bytes so far", (unsigned long long)has);
+        bw_reply_problem(r, BW_PROBLEM_OFFSET_MISMATCH, "the upload has %llu bytes so far", (unsigned long long)has);
         add_number(r, "Upload-Offset", has);
     } else if (check_body(r, bw_partial_length(s->partial) - has) && read_checksum(r, s)) {
-        if (bw_partial_mark(s->partial) != BW_OK) storage_problem(r);
+        if (bw_partial_mark(s->partial) != BW_OK) bw_reply_storage(r);
         s->whole = false;
         r->take = take_bytes;
     }
@@ -394,7 +374,7 @@ void bw_http_upload_delete(bw_request *r) {
 
 void bw_http_upload_options(bw_request *r) {
     reply_empty(r, 204);
-    bw_reply_header(r, "Tus-Version", VERSION);
+    bw_reply_header(r, "Tus-Version", BW_TUS_VERSION);
     bw_reply_header(r, "Tus-Extension", "creation,creation-with-upload,checksum,expiration,termination");
     bw_reply_header(r, "Tus-Checksum-Algorithm", "sha256,sha1");
     add_number(r, "Tus-Max-Size", r->services->config->max_upload);

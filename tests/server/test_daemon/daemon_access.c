@@ -120,9 +120,10 @@ static void expect_nothing_of_alice(const bw_endpoint *e, const kit_reply *r) {
     if (strstr(r->body, marker) || strstr(r->headers, marker)) fail_msg("%s tells: %s%s", e->id, r->headers, r->body);
 }
 
-/* HEAD has no document, all else must have the right one. */
+/* HEAD has no document, all else must have the right one, and what is said of uploads the header that tus wants. */
 static void expect_refusal(const bw_endpoint *e, kit_reply r, long status, const char *code) {
     expect_nothing_of_alice(e, &r);
+    assert_string_equal(kit_header(&r, "Tus-Resumable"), strncmp(e->path, "/v1/uploads", 11) == 0 ? "1.0.0" : "");
     if (r.status != status) fail_msg("%s: expected %ld, got %ld: %s", e->id, status, r.status, r.body);
     if (strcmp(e->method, "HEAD") == 0) kit_free(&r);
     else kit_expect_problem(r, status, code);
