@@ -6,6 +6,13 @@
 #include "server/http/content.h"
 #include "server/http/reply.h"
 
+/* What the job had may be gone because the job is, by now. */
+static void reply_lost(bw_request *r) {
+    bw_job now;
+    if (bw_http_load_job(r, &now)) bw_reply_storage(r);
+    bw_job_clear(&now);
+}
+
 /* The manifest of a successful job: a new array, empty when the job stopped before encode. NULL after a reply. */
 static json_t *load_manifest(bw_request *r, bw_job *job) {
     bool found = false;
@@ -20,7 +27,7 @@ static json_t *load_manifest(bw_request *r, bw_job *job) {
     if (bw_queue_output(r->services->queue, job->result_key, &found, &text) == BW_OK && text)
         manifest = json_loads(text, 0, NULL);
     free(text);
-    if (!manifest) bw_reply_storage(r);
+    if (!manifest) reply_lost(r);
     return manifest;
 }
 
@@ -47,7 +54,7 @@ static void send_result(bw_request *r, const char *name) {
     if (manifest && !hit) bw_reply_problem(r, BW_PROBLEM_NO_SUCH_RESULT, "the job has no result '%.100s'", name);
     if (hit) {
         int fd = bw_store_open_cached(r->services->store, job.result_key, name, &bytes);
-        if (fd < 0) bw_reply_storage(r);
+        if (fd < 0) reply_lost(r);
         else bw_reply_content(r, 200, &(bw_content){.fd = fd, .bytes = bytes, .modified = job.finished,
                                                     .media_type = json_string_value(json_object_get(hit, "media_type")),
                                                     .sha256 = json_string_value(json_object_get(hit, "sha256"))});
