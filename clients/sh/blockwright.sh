@@ -119,7 +119,15 @@ quoted() { printf '"%s"' "$(printf '%s' "$1" | tr -d '\000-\037\177' | sed 's/[\
 
 # ---- HTTP ----
 
-# request METHOD PATH [curl options]: the body goes to $work/body, the status to $status. Fails if there is no answer.
+# Has the daemon only been asked too often? Then it has done nothing, and may be asked again in $after seconds. An answer to HEAD has no problem in it.
+too_often() {
+    [ "$status" = 429 ] || return 1
+    after=$(tr -d '\r' <"$work/answered" | sed -n 's/^[Rr]etry-[Aa]fter: *\([0-9]\{1,2\}\)$/\1/p' | tail -n 1)
+    [ -n "$after" ] || return 1
+    [ "$method" = HEAD ] || grep -q '"/problems/too-many-requests"' "$into"
+}
+
+# request METHOD PATH [curl options]: the body goes to $into, which is $work/body, the status to $status. Fails if there is no answer.
 request() {
     method=$1
     path=$2
@@ -128,8 +136,15 @@ request() {
     HEAD) set -- --head "$@" ;;
     *) set -- -X "$method" "$@" ;;
     esac
-    status=$(curl -sS -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$work/body" \
-        -w '%{http_code}' "$@" "$server$path" 2>"$work/curl")
+    turns=0
+    while :; do
+        : >"$work/answered"
+        status=$(curl -sS -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -D "$work/answered" -o "$into" \
+            -w '%{http_code}' "$@" "$server$path" 2>"$work/curl")
+        if [ $turns = 20 ] || ! too_often; then break; fi
+        turns=$((turns + 1))
+        sleep "$after"
+    done
     case $status in
     [2345][0-9][0-9]) return 0 ;;
     esac
@@ -410,6 +425,7 @@ follow_log() {
         200) silence=0 ;;
         204) return ;;
         502 | 503 | 504) wait_for_it ;;
+        429) grep -q '"/problems/too-many-requests"' "$work/body" || complain "$work/body" '' '' ;;
         [345]??) complain "$work/body" '' '' ;;
         *) wait_for_it ;;
         esac
@@ -436,8 +452,9 @@ fetch_one() {
         ;;
     esac
     part=$out/.$1.part
-    status=$(curl -sS -K "$work/curlrc" --connect-timeout 10 --speed-limit 1 --speed-time 120 -o "$part" -w '%{http_code}' \
-        "$server/v1/jobs/$id/results/$1" 2>"$work/curl")
+    into=$part
+    request GET "/v1/jobs/$id/results/$1"
+    into=$work/body
     case $status in
     200) ;;
     [345][0-9][0-9])
@@ -641,6 +658,7 @@ newline='
 trap '[ -z "$streaming" ] || kill "$streaming" 2>/dev/null; rm -rf "$work"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
+into=$work/body
 : >"$work/body"
 # In a file that nobody else can read, not in curl's words, which everybody can.
 (

@@ -27,6 +27,8 @@ static void expect_done(const char *const *words) {
     kit_result_clear(&r);
 }
 
+static const char *const shell = BW_SOURCE_DIR "/clients/sh/blockwright.sh";
+
 /* Every kind of request is among the first that are refused: HEAD, PUT, POST, GET, a stream, a download. */
 static void a_job_goes_its_way_from_upload_to_results(void **state) {
     (void)state;
@@ -36,6 +38,9 @@ static void a_job_goes_its_way_from_upload_to_results(void **state) {
     expect_done((const char *[]){program, "submit", part, "--server", here.url, "--complex", "bc", "--out", kit_temp_path("result"), NULL});
     assert_true(kit_exists(kit_temp_path("result/report.json")));
     assert_true(kit_exists(kit_temp_path("result/blocks.json")));
+    expect_done((const char *[]){"sh", shell, "submit", part, "--server", here.url, "--complex", "mc", "--out", kit_temp_path("by_shell"), NULL});
+    assert_true(kit_exists(kit_temp_path("by_shell/report.json")));
+    assert_true(kit_exists(kit_temp_path("by_shell/blocks.json")));
 }
 
 /* More bytes than fit into the buffers on the way: they are sent again from the first one. */
