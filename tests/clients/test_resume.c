@@ -87,11 +87,11 @@ static void be_busy(proxy *p, int client) {
     char answer[200], after[40] = "";
     if (p->busy) snprintf(after, sizeof after, "Retry-After: %d\r\n", p->busy);
     int n = snprintf(answer, sizeof answer, "HTTP/1.1 503 Service Unavailable\r\n%sContent-Length: 0\r\nConnection: close\r\n\r\n", after);
+    clock_gettime(CLOCK_MONOTONIC, &p->due); /* the client counts from when it has the answer */
+    p->due.tv_sec += p->busy;
     write_all(client, answer, n);
     shutdown(client, SHUT_WR);
     while (recv(client, answer, sizeof answer, 0) > 0) continue;
-    clock_gettime(CLOCK_MONOTONIC, &p->due);
-    p->due.tv_sec += p->busy;
 }
 
 /* True if a connection was none, by its mood. A request that comes too early after a 503 is noted by a !. */
