@@ -61,11 +61,10 @@ static void commands_wait_for_their_turn(void **state) {
     for (int i = 0; i < 3; i++) expect_done((const char *[]){kit_program("blockwright"), "ls", "--server", here.url, NULL});
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_job_goes_its_way_from_upload_to_results),
-        cmocka_unit_test(a_large_upload_is_not_begun_in_vain_twice),
-        cmocka_unit_test(commands_wait_for_their_turn),
-    };
-    return kit_exit(cmocka_run_group_tests(tests, setup, daemon_end), sizeof tests / sizeof *tests);
-}
+static const struct CMUnitTest tests[] = {
+    cmocka_unit_test(a_job_goes_its_way_from_upload_to_results),
+    cmocka_unit_test(a_large_upload_is_not_begun_in_vain_twice),
+    cmocka_unit_test(commands_wait_for_their_turn),
+};
+
+DAEMON_MAIN(tests, setup)

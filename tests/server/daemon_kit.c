@@ -260,10 +260,23 @@ void kit_submit_both(const kit_daemon *d, const char *content, const char *param
     }
     int n = snprintf(body, sizeof body, "{\"input\":\"%s\",%s\"options\":%s}", hash, member, options ? options : "{}");
     kit_reply r = kit_request(d, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n);
-    assert_int_equal(r.status, 201);
+    kit_take_id(r, id);
+}
+
+void kit_take_id(kit_reply r, char id[32]) {
+    if (r.status != 201) fail_msg("%ld instead of 201: %s", r.status, r.body);
     json_t *job = kit_json(&r);
     snprintf(id, 32, "%s", kit_text(job, "id"));
     json_decref(job);
+}
+
+size_t kit_listed(const kit_daemon *d, const char *query) {
+    kit_reply r = kit_get(d, "/v1/jobs?%s", query);
+    assert_int_equal(r.status, 200);
+    json_t *page = kit_json(&r);
+    size_t n = json_array_size(json_object_get(page, "jobs"));
+    json_decref(page);
+    return n;
 }
 
 json_t *kit_job(const kit_daemon *d, const char *id) {

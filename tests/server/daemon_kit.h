@@ -57,6 +57,8 @@ void kit_upload(const kit_daemon *daemon, const char *content, char hash[BW_SHA2
 void kit_submit(const kit_daemon *daemon, const char *content, const char *options, char id[32]);
 /* The same with a file of parameters. */
 void kit_submit_both(const kit_daemon *daemon, const char *content, const char *parameters, const char *options, char id[32]);
+void kit_take_id(kit_reply reply, char id[32]); /* of the job that a reply with 201 has; frees it */
+size_t kit_listed(const kit_daemon *daemon, const char *query); /* jobs on the first page of the list */
 json_t *kit_job(const kit_daemon *daemon, const char *id);
 /* Polls until the job has one of the final states; asserts that it takes less than `seconds`. */
 json_t *kit_wait(const kit_daemon *daemon, const char *id, int seconds);

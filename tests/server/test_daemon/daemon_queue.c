@@ -41,27 +41,10 @@ static kit_reply post(const char *path, const char *headers, const char *format,
     return kit_request(&d, "POST", path, headers, body, strlen(body));
 }
 
-/* The id of the job that a reply has. */
-static void take_id(kit_reply r, char id[32]) {
-    assert_int_equal(r.status, 201);
-    json_t *job = kit_json(&r);
-    snprintf(id, 32, "%s", kit_text(job, "id"));
-    json_decref(job);
-}
-
 static kit_reply on_job(const char *method, const char *id, const char *rest) {
     char path[100];
     snprintf(path, sizeof path, "/v1/jobs/%s%s", id, rest);
     return kit_request(&d, method, path, NULL, NULL, 0);
-}
-
-static size_t listed(const char *query) {
-    kit_reply r = kit_get(&d, "/v1/jobs?%s", query);
-    assert_int_equal(r.status, 200);
-    json_t *page = kit_json(&r);
-    size_t n = json_array_size(json_object_get(page, "jobs"));
-    json_decref(page);
-    return n;
 }
 
 static void jobs_of_higher_priority_start_first(void **state) {
@@ -73,7 +56,7 @@ static void jobs_of_higher_priority_start_first(void **state) {
         char script[40];
         snprintf(script, sizeof script, "# priority %d\n", i);
         kit_upload(&d, script, hash);
-        take_id(post("/v1/jobs", json, "{\"input\": \"%s\", \"priority\": %d, \"options\": {\"until\": \"sanitize\"}}", hash, priority[i]), ids[i]);
+        kit_take_id(post("/v1/jobs", json, "{\"input\": \"%s\", \"priority\": %d, \"options\": {\"until\": \"sanitize\"}}", hash, priority[i]), ids[i]);
     }
     for (int i = 0; i < 4; i++) {
         json_t *job = kit_wait(&d, ids[order[i]], 20);
@@ -88,15 +71,15 @@ static void jobs_are_found_by_their_tags(void **state) {
     (void)state;
     char hash[BW_SHA256_TEXT], id[32];
     kit_upload(&d, "# tagged\n", hash);
-    take_id(post("/v1/jobs", json, "{\"input\": \"%s\", \"tags\": [\"z\", \"caf\xc3\xa9 1\", \"z\"]}", hash), id);
+    kit_take_id(post("/v1/jobs", json, "{\"input\": \"%s\", \"tags\": [\"z\", \"caf\xc3\xa9 1\", \"z\"]}", hash), id);
     json_t *job = kit_wait(&d, id, 20), *tags = json_object_get(job, "tags");
     assert_int_equal(json_array_size(tags), 2);
     assert_string_equal(json_string_value(json_array_get(tags, 1)), "z");
     json_decref(job);
-    assert_int_equal(listed("tag=z"), 1);
-    assert_int_equal(listed("tag=caf%C3%A9%201&state=successful"), 1);
-    assert_int_equal(listed("tag=z&state=failed"), 0);
-    assert_int_equal(listed("tag=y"), 0);
+    assert_int_equal(kit_listed(&d, "tag=z"), 1);
+    assert_int_equal(kit_listed(&d, "tag=caf%C3%A9%201&state=successful"), 1);
+    assert_int_equal(kit_listed(&d, "tag=z&state=failed"), 0);
+    assert_int_equal(kit_listed(&d, "tag=y"), 0);
     kit_expect_problem(kit_get(&d, "/v1/jobs?tag="), 400, "invalid-parameter");
     const char *const bad[] = {"\"z\"", "[\"\"]", "[1]", "[\"a\\nb\"]", "[\"0123456789012345678901234567890123456789012345678901234567890123x\"]",
                                "[\"1\",\"2\",\"3\",\"4\",\"5\",\"6\",\"7\",\"8\",\"9\",\"a\",\"b\",\"c\",\"d\",\"e\",\"f\",\"g\",\"h\"]"};
@@ -112,7 +95,7 @@ static void jobs_are_found_by_their_tags(void **state) {
 static char keyed_hash[BW_SHA256_TEXT];
 
 static void *post_keyed(void *user) {
-    take_id(post("/v1/jobs", "Content-Type: application/json\nIdempotency-Key: race", "{\"input\": \"%s\"}", keyed_hash), user);
+    kit_take_id(post("/v1/jobs", "Content-Type: application/json\nIdempotency-Key: race", "{\"input\": \"%s\"}", keyed_hash), user);
     return NULL;
 }
 
@@ -122,8 +105,8 @@ static void a_request_sent_again_with_its_key_creates_nothing(void **state) {
     char first[32], again[32], ids[8][32];
     pthread_t threads[8];
     kit_upload(&d, "# keyed\n", keyed_hash);
-    take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), first);
-    take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), again);
+    kit_take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), first);
+    kit_take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), again);
     assert_string_equal(first, again);
     kit_expect_problem(post("/v1/jobs", keyed, "{\"input\": \"%s\" }", keyed_hash), 422, "key-reused");
     kit_expect_problem(post("/v1/batches", keyed, "{\"jobs\": [{\"input\": \"%s\"}]}", keyed_hash), 422, "key-reused");
@@ -133,9 +116,9 @@ static void a_request_sent_again_with_its_key_creates_nothing(void **state) {
     for (int i = 1; i < 8; i++) assert_string_equal(ids[0], ids[i]);
     kit_kill(&d, SIGKILL);
     kit_restart(&d, NULL);
-    take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), again);
+    kit_take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), again);
     assert_string_equal(first, again);
-    assert_int_equal(listed("limit=200"), 2);
+    assert_int_equal(kit_listed(&d, "limit=200"), 2);
 }
 
 /* It was asked for once, and had. */
@@ -144,7 +127,7 @@ static void a_key_makes_no_second_job_when_the_first_one_is_gone(void **state) {
     static const char keyed[] = "Content-Type: application/json\nIdempotency-Key: gone";
     char id[32], address[60], line[200];
     kit_upload(&d, "# keyed\n", keyed_hash);
-    take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), id);
+    kit_take_id(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), id);
     json_decref(kit_wait(&d, id, 20));
     snprintf(address, sizeof address, "/v1/jobs/%s", id);
     kit_reply r = kit_request(&d, "DELETE", address, NULL, NULL, 0);
@@ -156,7 +139,7 @@ static void a_key_makes_no_second_job_when_the_first_one_is_gone(void **state) {
     kit_sleep_ms(1100);
     assert_int_equal(kit_blockwrightd(&d, "gc", line, sizeof line), 0);
     kit_expect_problem(post("/v1/jobs", keyed, "{\"input\": \"%s\"}", keyed_hash), 404, "no-such-job");
-    assert_int_equal(listed("limit=200"), 0);
+    assert_int_equal(kit_listed(&d, "limit=200"), 0);
 }
 
 /* ---- batches ---- */
@@ -174,7 +157,7 @@ static void a_batch_is_accepted_whole_or_not_at_all(void **state) {
     kit_expect_problem(post("/v1/batches", json, "{\"jobs\": []}"), 400, "bad-json");
     kit_expect_problem(post("/v1/batches", json, "{\"jobs\": [{\"input\": \"%s\"}], \"x\": 1}", hash), 400, "bad-json");
     kit_expect_problem(post("/v1/batches", json, "[]"), 400, "bad-json");
-    assert_int_equal(listed("limit=200"), 0);
+    assert_int_equal(kit_listed(&d, "limit=200"), 0);
     static const char keyed[] = "Content-Type: application/json\nIdempotency-Key: batch";
     char ids[2][32];
     for (int again = 0; again < 2; again++) {
@@ -188,7 +171,7 @@ static void a_batch_is_accepted_whole_or_not_at_all(void **state) {
         }
         json_decref(batch);
     }
-    assert_int_equal(listed("limit=200"), 2);
+    assert_int_equal(kit_listed(&d, "limit=200"), 2);
     json_t *job = kit_wait(&d, ids[1], 20);
     assert_string_equal(kit_text(job, "name"), "two");
     assert_string_equal(kit_text(job, "state"), "successful");
@@ -213,7 +196,7 @@ static void a_batch_may_have_a_thousand_jobs_and_a_megabyte(void **state) {
         assert_int_equal(r.status, 201);
         kit_free(&r);
     }
-    assert_int_equal(listed("tag=many&limit=200"), 200);
+    assert_int_equal(kit_listed(&d, "tag=many&limit=200"), 200);
     memset(body, ' ', ROOM);
     kit_expect_problem(kit_request(&d, "POST", "/v1/batches", json, body, (1 << 20) + 1), 413, "body-too-large");
     free(body);
@@ -228,15 +211,15 @@ static void more_than_an_owner_may_have_is_429_with_retry_after(void **state) {
     kit_upload(&d, sleeper, hash);
     kit_expect_problem(post("/v1/batches", json, "{\"jobs\": [{\"input\": \"%s\"}, {\"input\": \"%s\"}, {\"input\": \"%s\"}, {\"input\": \"%s\"}]}",
                             hash, hash, hash, hash), 429, "too-many-jobs");
-    assert_int_equal(listed("limit=200"), 0);
-    for (int i = 0; i < 3; i++) take_id(post("/v1/jobs", json, "{\"input\": \"%s\"}", hash), ids[i]);
+    assert_int_equal(kit_listed(&d, "limit=200"), 0);
+    for (int i = 0; i < 3; i++) kit_take_id(post("/v1/jobs", json, "{\"input\": \"%s\"}", hash), ids[i]);
     kit_reply r = post("/v1/jobs", json, "{\"input\": \"%s\"}", hash);
     assert_true(atoi(kit_header(&r, "Retry-After")) > 0);
     kit_expect_problem(r, 429, "too-many-jobs");
     r = on_job("POST", ids[2], "/cancel");
     assert_int_equal(r.status, 200);
     kit_free(&r);
-    take_id(post("/v1/jobs", json, "{\"input\": \"%s\"}", hash), ids[3]);
+    kit_take_id(post("/v1/jobs", json, "{\"input\": \"%s\"}", hash), ids[3]);
     kit_expect_problem(on_job("POST", ids[2], "/retry"), 429, "too-many-jobs");
     r = on_job("POST", ids[3], "/cancel");
     kit_free(&r);
@@ -327,7 +310,7 @@ static void a_deleted_job_is_410_by_every_verb(void **state) {
     assert_int_equal(r.size, 0);
     kit_free(&r);
     assert_int_equal(access(file, F_OK), -1);
-    assert_int_equal(listed("limit=200"), 0);
+    assert_int_equal(kit_listed(&d, "limit=200"), 0);
     static const char *const verbs[][2] = {{"GET", ""}, {"DELETE", ""}, {"POST", "/cancel"}, {"POST", "/finish"}, {"POST", "/retry"},
                                            {"GET", "/log"}, {"GET", "/results"}, {"GET", "/results/report.json"}, {"GET", "/report"}};
     for (int restarted = 0; restarted < 2; restarted++) {

@@ -26,21 +26,6 @@ static kit_reply send(const char *query, const char *headers, const char *conten
     return kit_request(&d, "POST", path, headers, content, strlen(content));
 }
 
-static void take_id(kit_reply r, char id[32]) {
-    assert_int_equal(r.status, 201);
-    json_t *job = kit_json(&r);
-    snprintf(id, 32, "%s", kit_text(job, "id"));
-    json_decref(job);
-}
-
-static size_t listed(void) {
-    kit_reply r = kit_get(&d, "/v1/jobs?limit=200");
-    json_t *page = kit_json(&r);
-    size_t n = json_array_size(json_object_get(page, "jobs"));
-    json_decref(page);
-    return n;
-}
-
 static void the_body_is_the_input_and_the_query_its_description(void **state) {
     (void)state;
     static const char script[] = "encode bytes 300\n# alone\n";
@@ -69,7 +54,7 @@ static void the_body_is_the_input_and_the_query_its_description(void **state) {
     assert_int_equal(json_array_size(json_object_get(options, "hex_formats")), 2);
     json_decref(job);
 
-    take_id(send("", "", script), id); /* without Content-Type, and as curl -T would */
+    kit_take_id(send("", "", script), id); /* without Content-Type, and as curl -T would */
     job = kit_wait(&d, id, 20);
     assert_string_equal(kit_text(job, "state"), "successful");
     json_decref(job);
@@ -78,14 +63,14 @@ static void the_body_is_the_input_and_the_query_its_description(void **state) {
     kit_free(&r);
     char body[200]; /* it is a blob like others */
     int n = snprintf(body, sizeof body, "{\"input\": \"%s\"}", hash);
-    take_id(kit_request(&d, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n), id);
+    kit_take_id(kit_request(&d, "POST", "/v1/jobs", "Content-Type: application/json", body, (size_t)n), id);
 }
 
 /* The problem, and that nothing was accepted or kept: the daemon says so before it has read a byte. */
 static void refused(const char *query, const char *headers, const char *content, long status, const char *code) {
-    size_t before = listed();
+    size_t before = kit_listed(&d, "limit=200");
     kit_expect_problem(send(query, headers, content), status, code);
-    assert_int_equal(listed(), before);
+    assert_int_equal(kit_listed(&d, "limit=200"), before);
     assert_true(kit_no_uploads(&d, 2000));
 }
 
@@ -148,8 +133,8 @@ static void with_a_key_it_is_done_once(void **state) {
     (void)state;
     static const char keyed[] = "Idempotency-Key: k";
     char first[32], again[32];
-    take_id(send("?complex=bc&scale=2", keyed, "# once\n"), first);
-    take_id(send("?scale=2&complex=bc", keyed, "# once\n"), again); /* the order says nothing */
+    kit_take_id(send("?complex=bc&scale=2", keyed, "# once\n"), first);
+    kit_take_id(send("?scale=2&complex=bc", keyed, "# once\n"), again); /* the order says nothing */
     assert_string_equal(first, again);
     refused("?complex=mc&scale=2", keyed, "# once\n", 422, "key-reused");
     refused("?complex=bc&scale=2", keyed, "# twice\n", 422, "key-reused");
@@ -159,10 +144,10 @@ static void with_a_key_it_is_done_once(void **state) {
 static void a_connection_that_breaks_leaves_nothing(void **state) {
     (void)state;
     static const char text[] = "POST /v1/jobs?complex=bc HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 30\r\n\r\n# thirty bytes if it is whole\n";
-    size_t before = listed();
+    size_t before = kit_listed(&d, "limit=200");
     for (size_t n = 1; n < sizeof text - 1; n++) kit_abandon(&d, text, n);
     assert_true(kit_no_uploads(&d, 5000));
-    assert_int_equal(listed(), before);
+    assert_int_equal(kit_listed(&d, "limit=200"), before);
 }
 
 int main(void) {
