@@ -81,7 +81,7 @@ static const char *told_kind(const bw_slot *s) {
  * key_is_busy (choose.c) sees to it that nobody else is filing this one. */
 static void withdraw(bw_dispatch *d, const char *key) {
     bool booked = true;
-    if (bw_queue_output(d->queue, key, &booked, NULL) == BW_OK && !booked) bw_store_discard_cached(d->store, key);
+    if (bw_queue_output(d->queue, key, &booked, NULL) == BW_OK && !booked) bw_store_drop_cached(d->store, key);
 }
 
 /* The worker says it is done: its output is filed, then booked. */
